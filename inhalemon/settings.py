@@ -1,0 +1,127 @@
+"""Every number that may be tuned, one frozen dataclass a stage; `Settings` holds them all.
+
+A field's name ends in its unit. A settings file is TOML with one table a stage; what it leaves out keeps its default.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import tomllib
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Self, get_type_hints
+
+from inhalemon.exceptions import SettingsError
+
+
+class AttitudeMethod(StrEnum):
+    AKF = "akf"
+    AKF_SOURCE = "akf_source"
+    EKF = "ekf"
+    GYRO = "gyro"
+
+
+@dataclass(frozen=True, slots=True)
+class ClockSettings:
+    """Two sensors, two clocks: how the offset and drift between them are sought."""
+
+    max_offset_s: float = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class AttitudeSettings:
+    """How attitude is estimated from one sensor's rates and specific force."""
+
+    method: AttitudeMethod = AttitudeMethod.AKF
+    smooth: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class LeverSettings:
+    """How the lever's angle is found from two attitudes."""
+
+    smooth: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseSettings:
+    """How the session is cut into phases."""
+
+    window_s: float = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """All settings of the pipeline; frozen, hashable, the same digest for the same numbers."""
+
+    clocks: ClockSettings = field(default_factory=ClockSettings)
+    attitude: AttitudeSettings = field(default_factory=AttitudeSettings)
+    lever: LeverSettings = field(default_factory=LeverSettings)
+    phases: PhaseSettings = field(default_factory=PhaseSettings)
+
+    @classmethod
+    def causal(cls) -> Self:
+        """Settings that use the past only, as while recording."""
+        return cls(attitude=AttitudeSettings(smooth=False), lever=LeverSettings(smooth=False))
+
+    @classmethod
+    def from_toml(cls, source: str | Path) -> Self:
+        """Settings from a TOML file (a path) or TOML text (a string with a newline or `=`).
+
+        Raises `SettingsError` naming the table, the field, what was found and what was wanted.
+        """
+        is_text = isinstance(source, str) and ("\n" in source or "=" in source)
+        where = "settings" if is_text else str(source)
+        try:
+            text = str(source) if is_text else Path(source).read_text(encoding="utf-8")
+            return cls.from_mapping(tomllib.loads(text), where=where)
+        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            raise SettingsError(f"{where}: {error}. Give a readable TOML file") from error
+
+    @classmethod
+    def from_mapping(cls, tables: dict[str, object], *, where: str = "settings") -> Self:
+        """Settings from nested mappings, one a stage. Raises `SettingsError`."""
+        stages = get_type_hints(cls)
+        given: dict[str, Any] = {}
+        for name, table in tables.items():
+            if name not in stages:
+                raise SettingsError(f"{where}: [{name}] is unknown; expected one of {', '.join(stages)}")
+            if not isinstance(table, dict):
+                raise SettingsError(f"{where}: {name} is {table!r}; expected a table [{name}]")
+            given[name] = _stage_from_mapping(stages[name], table, f"{where} [{name}]")
+        return cls(**given)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the settings' canonical JSON: equal numbers, equal digest."""
+        canonical = json.dumps(dataclasses.asdict(self), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def _stage_from_mapping(stage: type, table: dict[str, object], where: str) -> object:
+    types = get_type_hints(stage)
+    values: dict[str, object] = {}
+    for name, found in table.items():
+        if name not in types:
+            raise SettingsError(f"{where}: {name} is unknown; expected one of {', '.join(types)}")
+        values[name] = _checked(found, types[name], f"{where} {name}")
+    try:
+        return stage(**values)
+    except SettingsError as error:  # a value out of its range, told by the stage's own __post_init__
+        raise SettingsError(f"{where}: {error}") from error
+
+
+def _checked(found: object, wanted: type, where: str) -> object:
+    if isinstance(wanted, type) and issubclass(wanted, StrEnum):
+        try:
+            return wanted(str(found))
+        except ValueError as error:
+            raise SettingsError(f"{where} is {found!r}; expected one of {', '.join(wanted)}") from error
+    if wanted is float and isinstance(found, int) and not isinstance(found, bool):
+        return float(found)
+    if not isinstance(found, wanted) or (wanted is int and isinstance(found, bool)):
+        raise SettingsError(f"{where} is {found!r}; expected {wanted.__name__}")
+    return found

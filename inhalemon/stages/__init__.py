@@ -1,0 +1,1 @@
+"""The stages of the pipeline: values in, values out; none imports another."""

@@ -1,0 +1,297 @@
+"""What flows between the stages: frozen values, SI units and radians.
+
+Degrees appear only in the report's parts (`Event.angle_deg`, measures named `..._deg`), because a person reads them.
+Arrays have time as their first axis; frames and quaternions follow `rotation.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inhalemon.exceptions import RecordingError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+
+class DeviceKind(StrEnum):
+    """The devices a recording can be of; `hinge` is any hinged pair, without phases and rules."""
+
+    PMDI = "pmdi"
+    ELLIPTA = "ellipta"
+    HINGE = "hinge"
+
+
+class SensorName(StrEnum):
+    BODY = "body"
+    LEVER = "lever"
+
+
+class PhaseKind(StrEnum):
+    REST = "rest"
+    HANDLING = "handling"
+    SHAKE = "shake"
+    OPEN = "open"
+    EXHALE = "exhale"
+    TO_MOUTH = "to_mouth"
+    INHALE = "inhale"
+    BREATH_HOLD = "breath_hold"
+    EXHALE_AFTER = "exhale_after"
+    CLOSE = "close"
+    PUT_DOWN = "put_down"
+
+
+class EventKind(StrEnum):
+    PRESS = "press"
+    PARTIAL_PRESS = "partial_press"
+    OPEN = "open"
+    CLOSE = "close"
+
+
+class Verdict(StrEnum):
+    FAIL = "fail"
+    PASS = "pass"
+    INDETERMINATE = "indeterminate"
+    NOT_ASSESSABLE = "not_assessable"
+
+
+class Severity(StrEnum):
+    CRITICAL = "critical"
+    MAJOR = "major"
+    MINOR = "minor"
+
+
+class Grade(StrEnum):
+    CORRECT = "correct"
+    MINOR_MISTAKES = "minor_mistakes"
+    MAJOR_MISTAKES = "major_mistakes"
+    CRITICAL_MISTAKES = "critical_mistakes"
+    NOT_ASSESSABLE = "not_assessable"
+
+
+# ---------------------------------------------------------------------------------------------- recordings
+
+
+@dataclass(frozen=True, slots=True)
+class ImuTrack:
+    """The samples of one inertial sensor, in the frame of the part it sits on.
+
+    Times increase strictly; they may start anywhere (slightly negative too) and be uneven.
+    A range of `None` is unknown. The saturation masks are found on the chip's own axes by the reader; `None` means that
+    nobody looked yet.
+
+    Raises `RecordingError` when shapes differ, a value is not finite, or time does not increase.
+    """
+
+    time_s: FloatArray  # (n,)
+    acc_m_s2: FloatArray  # (n, 3) specific force
+    gyr_rad_s: FloatArray  # (n, 3)
+    mag_ut: FloatArray | None = None  # (n, 3)
+    acc_range_m_s2: float | None = None
+    gyr_range_rad_s: float | None = None
+    is_acc_saturated: BoolArray | None = None  # (n,)
+    is_gyr_saturated: BoolArray | None = None  # (n,)
+
+    def __post_init__(self) -> None:
+        time_s = np.ascontiguousarray(self.time_s, dtype=np.float64)
+        object.__setattr__(self, "time_s", time_s)
+        if time_s.ndim != 1:
+            raise RecordingError("wrong_shape", column="time_s", found=f"shape {time_s.shape}", wanted="shape (n,)")
+        for name in ("acc_m_s2", "gyr_rad_s", "mag_ut"):
+            given = getattr(self, name)
+            if given is None and name == "mag_ut":
+                continue
+            values = np.ascontiguousarray(given, dtype=np.float64)
+            if values.shape != (time_s.size, 3):
+                raise RecordingError(
+                    "wrong_shape", column=name, found=f"shape {values.shape}", wanted=f"shape ({time_s.size}, 3)"
+                )
+            object.__setattr__(self, name, values)
+            if not np.isfinite(values).all():
+                raise RecordingError("not_finite", column=name, found="not finite", wanted="finite numbers")
+        if not np.isfinite(time_s).all() or (np.diff(time_s) <= 0).any():
+            raise RecordingError(
+                "time_not_increasing", column="time_s", found="not increasing", wanted="strictly increasing seconds"
+            )
+
+    @property
+    def n_samples(self) -> int:
+        return int(self.time_s.size)
+
+    @property
+    def rate_hz(self) -> float:
+        """The usual rate: one over the median step, so that gaps do not count."""
+        return float(1.0 / np.median(np.diff(self.time_s)))
+
+
+@dataclass(frozen=True, slots=True)
+class SensorInfo:
+    """What the sidecar says of one sensor; `q_chip` (`q_body_chip`, `q_lever_chip`) was applied by the reader."""
+
+    model: str | None = None
+    acc_range_g: float | None = None
+    gyr_range_deg_s: float | None = None
+    q_chip: tuple[float, float, float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """One recorded session of one device: the two sensors, each on its own clock."""
+
+    device: DeviceKind
+    body: ImuTrack
+    lever: ImuTrack
+    session_id: str = "session"
+    recorded_at: str | None = None  # ISO 8601 with offset
+    patient_ref: str | None = None  # a pseudonym
+    sensors: Mapping[SensorName, SensorInfo] = field(default_factory=lambda: MappingProxyType({}))
+
+    def __post_init__(self) -> None:
+        try:
+            object.__setattr__(self, "device", DeviceKind(self.device))
+        except ValueError:
+            wanted = ", ".join(DeviceKind)
+            raise RecordingError("unknown_device", column="device", found=repr(self.device), wanted=wanted) from None
+
+
+# ---------------------------------------------------------------------------------------- signals of the stages
+
+
+@dataclass(frozen=True, slots=True)
+class ClockFit:
+    """The lever's clock against the body's: `t_body = t_lever + offset_s + drift * (t_lever - reference_s)`."""
+
+    offset_s: float
+    drift: float  # 1e-6 is one ppm
+    reference_s: float
+    sd_offset_s: float
+    sd_drift: float
+    is_found: bool  # false: too little common motion, the clocks are taken as they are
+
+
+@dataclass(frozen=True, slots=True)
+class AttitudeTrack:
+    """Attitude of one sensor's part: `q[k]` is `q_ref_body` (or `q_ref_lever`) at `time_s[k]`; heading is arbitrary."""
+
+    time_s: FloatArray  # (n,)
+    q: FloatArray  # (n, 4) scalar first
+    sd_tilt_rad: FloatArray  # (n,) standard deviation of the tilt error, per horizontal axis
+    gyr_bias_rad_s: FloatArray  # (n, 3) in the part's frame
+    r: FloatArray  # (n,) the adaptive measurement variance; its unit depends on the method, see `r_unit`
+    r_unit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class LeverTrack:
+    """The lever's angle about the hinge, relative to the body; 0 when shut, right-handed about +x."""
+
+    time_s: FloatArray  # (n,) the body's clock
+    angle_rad: FloatArray  # (n,)
+    sd_rad: FloatArray  # (n,)
+    off_axis_rad: FloatArray  # (n,) the part of the relative rotation that a hinge cannot make
+
+
+# -------------------------------------------------------------------------------------------- the report's parts
+
+
+@dataclass(frozen=True, slots=True)
+class Flag:
+    """A doubtful measurement that was used all the same."""
+
+    code: str
+    sensor: SensorName | None
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    usable: bool
+    flags: tuple[Flag, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Phase:
+    """A stretch of the session, `[start_s, end_s)` on the body's clock; confidence is between 0 and 1."""
+
+    kind: PhaseKind
+    start_s: float
+    end_s: float
+    confidence: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A press or a stroke of the cover. `peak_s` is when the end stop is reached; `angle_deg` is the largest angle."""
+
+    kind: EventKind
+    start_s: float
+    peak_s: float
+    end_s: float
+    angle_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """A number with its standard deviation, in the unit that ends its name; without a value, the reason."""
+
+    value: float | None
+    sd: float | None = None
+    reason: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What one rule says of one session or dose."""
+
+    rule: str
+    verdict: Verdict
+    severity: Severity | None
+    value: float | None
+    limit: float | None
+    unit: str | None
+    start_s: float | None
+    end_s: float | None
+    reason: str | None
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    points: int
+    grade: Grade
+
+
+@dataclass(frozen=True, slots=True)
+class Dose:
+    start_s: float
+    end_s: float
+    events: tuple[Event, ...]
+    measures: Mapping[str, Measure]
+    findings: tuple[Finding, ...]
+    score: Score
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """All that is known of one session. `inhalemon.report` writes it as JSON, table, CSV or a page."""
+
+    session_id: str
+    device: DeviceKind
+    pipeline_version: str
+    settings_digest: str
+    rules_digest: str
+    duration_s: float
+    quality: Quality
+    phases: tuple[Phase, ...]
+    events: tuple[Event, ...]
+    measures: Mapping[str, Measure]
+    findings: tuple[Finding, ...]
+    doses: tuple[Dose, ...]
+    score: Score

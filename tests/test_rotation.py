@@ -1,0 +1,77 @@
+"""Quaternion algebra against scipy's Rotation, an independent implementation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from inhalemon import rotation
+
+vectors = st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3).map(np.array)
+quaternions = vectors.map(rotation.from_rotation_vector)
+
+
+def scipy_of(q: np.ndarray) -> Rotation:
+    return Rotation.from_quat(q, scalar_first=True)
+
+
+@given(quaternions, quaternions, vectors)
+def test_product_and_rotation_agree_with_scipy(p, q, v):
+    np.testing.assert_allclose(
+        rotation.rotate(rotation.multiply(p, q), v), (scipy_of(p) * scipy_of(q)).apply(v), atol=1e-12
+    )
+    np.testing.assert_allclose(rotation.as_matrix(q), scipy_of(q).as_matrix(), atol=1e-12)
+
+
+@given(vectors)
+def test_rotation_vector_survives_the_round_trip(v):
+    back = rotation.to_rotation_vector(rotation.from_rotation_vector(v))
+    np.testing.assert_allclose(scipy_of(rotation.from_rotation_vector(v)).as_rotvec(), back, atol=1e-9)
+
+
+@given(vectors, vectors)
+def test_two_vectors_give_the_rotation_between_them(a, b):
+    if min(np.linalg.norm(a), np.linalg.norm(b)) < 1e-3:
+        return
+    turned = rotation.rotate(rotation.from_two_vectors(a, b), b)
+    np.testing.assert_allclose(turned / np.linalg.norm(turned), a / np.linalg.norm(a), atol=1e-6)
+
+
+@pytest.mark.parametrize("v", [[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]])
+def test_opposite_vectors_are_half_a_turn_apart(v):
+    v = np.array(v)
+    np.testing.assert_allclose(rotation.rotate(rotation.from_two_vectors(-v, v), v), -v, atol=1e-12)
+
+
+@given(st.floats(-3.1, 3.1), st.floats(-1.0, 1.0))
+def test_twist_about_the_hinge_is_told_from_the_rest(twist, swing):
+    hinge = np.array([1.0, 0.0, 0.0])
+    q = rotation.multiply(
+        rotation.from_rotation_vector(np.array([0.0, swing, 0.0])), rotation.from_rotation_vector(twist * hinge)
+    )
+    found_twist, found_swing = rotation.split_twist(q, hinge)
+    np.testing.assert_allclose([found_twist, found_swing], [twist, abs(swing)], atol=1e-9)
+
+
+@given(quaternions)
+def test_tilt_is_the_angle_between_the_two_up_axes(q):
+    up = rotation.rotate(q, np.array([0.0, 0.0, 1.0]))
+    np.testing.assert_allclose(np.cos(rotation.tilt_from_upright(q)), up[2], atol=1e-12)
+
+
+@given(quaternions)
+def test_the_sources_matrix_is_our_body_ref(q):
+    """Equation (13) of the source, written out from its text, against our matrix: it takes ref to body."""
+    q1, q2, q3, q4 = rotation.to_source(q)
+    source_a = np.array(
+        [
+            [q1**2 - q2**2 - q3**2 + q4**2, 2 * (q1 * q2 + q3 * q4), 2 * (q1 * q3 - q2 * q4)],
+            [2 * (q1 * q2 - q3 * q4), -(q1**2) + q2**2 - q3**2 + q4**2, 2 * (q2 * q3 + q1 * q4)],
+            [2 * (q1 * q3 + q2 * q4), 2 * (q2 * q3 - q1 * q4), -(q1**2) - q2**2 + q3**2 + q4**2],
+        ]
+    )
+    np.testing.assert_allclose(source_a, rotation.as_matrix(rotation.conjugate(q)), atol=1e-12)
+    np.testing.assert_allclose(rotation.from_source(rotation.to_source(q)), q)
