@@ -239,11 +239,16 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """A number with its standard deviation, in the unit that ends its name; without a value, the reason."""
+    """A number with its standard deviation, in the unit that ends its name; without a value, the reason.
+
+    `start_s` and `end_s` are where in the session it was seen, if anywhere; findings carry them on.
+    """
 
     value: float | None
     sd: float | None = None
     reason: str | None = None
+    start_s: float | None = None
+    end_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
