@@ -73,6 +73,25 @@ def from_rotation_vector(v: FloatArray) -> FloatArray:
     return np.concatenate([np.cos(angle / 2), 0.5 * np.sinc(angle / (2 * np.pi)) * v], axis=-1)
 
 
+def about_z(angle_rad: FloatArray) -> FloatArray:
+    """The rotation about z, the room's vertical, by each angle."""
+    half = np.asarray(angle_rad)[..., None] / 2
+    zero = np.zeros_like(half)
+    return np.concatenate([np.cos(half), zero, zero, np.sin(half)], axis=-1)
+
+
+def slerp(p: FloatArray, q: FloatArray, share: FloatArray) -> FloatArray:
+    """The rotation `share` of the shorter way from p to q; shapes (n, 4), (n, 4), (n,)."""
+    cosine = np.sum(p * q, axis=-1)
+    q = np.where(cosine[..., None] < 0.0, -q, q)
+    angle = np.arccos(np.minimum(np.abs(cosine), 1.0))
+    # np.sinc(x) is sin(pi x) / (pi x): finite and exact at zero.
+    whole = np.sinc(angle / np.pi)
+    from_p = (1.0 - share) * np.sinc((1.0 - share) * angle / np.pi) / whole
+    from_q = share * np.sinc(share * angle / np.pi) / whole
+    return normalise(from_p[..., None] * p + from_q[..., None] * q)
+
+
 def to_rotation_vector(q: FloatArray) -> FloatArray:
     """The shortest rotation vector, length within [0, pi]."""
     q = np.asarray(q)

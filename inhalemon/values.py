@@ -189,6 +189,18 @@ class AttitudeTrack:
 
 
 @dataclass(frozen=True, slots=True)
+class Calibration:
+    """What turns the two attitudes into the lever's angle; arrays, because while recording it is learned as it goes."""
+
+    axis_body: FloatArray  # (n, 3) the hinge, a unit vector in the body's frame
+    axis_lever: FloatArray  # (n, 3) the same line in the lever's frame
+    heading_rad: FloatArray  # (n,) turns the lever's room into the body's, about z
+    sd_heading_rad: FloatArray  # (n,)
+    zero_rad: FloatArray  # (n,) the twist at which the lever is shut
+    sd_zero_rad: FloatArray  # (n,)
+
+
+@dataclass(frozen=True, slots=True)
 class LeverTrack:
     """The lever's angle about the hinge, relative to the body; 0 when shut, right-handed about +x."""
 

@@ -1,0 +1,33 @@
+"""The lever's angle about its hinge, from the attitudes of body and lever."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from inhalemon.rotation import about_z, conjugate, from_two_vectors, multiply, rotate, split_twist
+from inhalemon.values import AttitudeTrack, Calibration, LeverTrack
+
+
+def lever_angle(body: AttitudeTrack, lever: AttitudeTrack, calibration: Calibration) -> LeverTrack:
+    """Angle of the lever about its hinge, 0 when shut, positive when it opens; continuous through half a turn.
+
+    Both attitudes are at the same times, and `calibration` was made from them. The relative rotation
+    body* (x) heading (x) lever is split into twist about the hinge and the rest. A hinge cannot make the rest, so it is
+    returned as `off_axis_rad`, the measurement's own error.
+
+    The standard deviation follows from those of the tilt of both parts, of the heading and of the zero: an error of
+    heading enters by the upright part of the hinge axis, one of tilt by the level part.
+
+    Source of the split: Dobrowolski (2015), arXiv:1506.05481.
+    """
+    q_lever = multiply(about_z(calibration.heading_rad), lever.q)
+    q_body_lever = multiply(conjugate(body.q), q_lever)
+    q_aligned = from_two_vectors(calibration.axis_body, calibration.axis_lever)
+    twist, off_axis = split_twist(multiply(q_body_lever, conjugate(q_aligned)), calibration.axis_body)
+    angle = np.unwrap(twist) - calibration.zero_rad
+    angle = angle - 2.0 * np.pi * np.round(angle[0] / (2.0 * np.pi))
+
+    upright = rotate(body.q, calibration.axis_body)[:, 2] ** 2
+    tilt = body.sd_tilt_rad**2 + lever.sd_tilt_rad**2
+    variance = upright * calibration.sd_heading_rad**2 + (1.0 - upright) * tilt + calibration.sd_zero_rad**2
+    return LeverTrack(time_s=body.time_s, angle_rad=angle, sd_rad=np.sqrt(variance), off_axis_rad=off_axis)

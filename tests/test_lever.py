@@ -1,0 +1,161 @@
+"""The lever's angle, on attitudes whose relative rotation is known in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from inhalemon.rotation import about_z, from_rotation_vector, multiply, normalise
+from inhalemon.settings import LeverSettings
+from inhalemon.signals import resample_attitude
+from inhalemon.stages.calibrate import calibrate
+from inhalemon.stages.lever import lever_angle
+from inhalemon.values import AttitudeTrack, FloatArray, LeverTrack
+
+X = np.array([1.0, 0.0, 0.0])
+FINISHED = LeverSettings(smooth=True)
+UNDER_WAY = LeverSettings(smooth=False)
+
+unit_quaternions = st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda v: np.linalg.norm(v) > 0.1).map(np.array)
+
+
+def attitude_track(time_s: FloatArray, q: FloatArray) -> AttitudeTrack:
+    n = time_s.size
+    return AttitudeTrack(time_s, q, np.full(n, np.radians(0.3)), np.zeros((n, 3)), np.zeros(n))
+
+
+def hand(time_s: FloatArray) -> FloatArray:
+    """An attitude that turns about all three axes, as in a hand."""
+    roll = 0.5 * np.sin(0.9 * time_s)
+    pitch = 0.7 * np.sin(0.5 * time_s + 1.0)
+    yaw = 0.8 * np.sin(0.3 * time_s)
+    return multiply(
+        about_z(yaw),
+        multiply(
+            from_rotation_vector(np.outer(pitch, [0.0, 1.0, 0.0])),
+            from_rotation_vector(np.outer(roll, [1.0, 0.0, 0.0])),
+        ),
+    )
+
+
+def cover(time_s: FloatArray, angle_deg: float) -> FloatArray:
+    """Shut for 4 s, opened within 0.5 s, shut again from 14 s."""
+    share = np.clip((time_s - 4.0) / 0.5, 0.0, 1.0) - np.clip((time_s - 14.0) / 0.5, 0.0, 1.0)
+    return np.radians(angle_deg) * share
+
+
+def press(time_s: FloatArray, start_s: float, angle_deg: float) -> FloatArray:
+    """Down within 0.15 s, held for 0.3 s, up within 0.15 s."""
+    down = np.clip((time_s - start_s) / 0.15, 0.0, 1.0)
+    up = np.clip((time_s - start_s - 0.45) / 0.15, 0.0, 1.0)
+    return np.radians(angle_deg) * (down - up)
+
+
+def pair(
+    time_s: FloatArray,
+    angle_rad: FloatArray,
+    *,
+    heading_rad: float = 1.0,
+    drift_rad_s: float = 0.003,
+    room: FloatArray | None = None,
+    mounting: FloatArray | None = None,
+) -> tuple[AttitudeTrack, AttitudeTrack]:
+    """Body and lever as two filters would give them: exact, but for a heading of their own that drifts."""
+    q_ref_body = hand(time_s)
+    if room is not None:
+        q_ref_body = multiply(normalise(room), q_ref_body)
+    q_ref_lever = multiply(q_ref_body, from_rotation_vector(np.outer(angle_rad, X)))
+    if mounting is not None:
+        q_ref_lever = multiply(q_ref_lever, mounting)
+    own = about_z(heading_rad + drift_rad_s * time_s)
+    return attitude_track(time_s, q_ref_body), attitude_track(time_s, multiply(own, q_ref_lever))
+
+
+def tracked(
+    body: AttitudeTrack, lever: AttitudeTrack, lever_settings: LeverSettings, *, has_shut_state: bool = True
+) -> LeverTrack:
+    calibration = calibrate(body, lever, X, lever_settings, has_shut_state=has_shut_state)
+    return lever_angle(body, lever, calibration)
+
+
+TIME_S = np.arange(0.0, 20.0, 0.01)
+
+
+@pytest.mark.parametrize("lever_settings", [FINISHED, UNDER_WAY], ids=["finished", "under way"])
+@pytest.mark.parametrize("angle_deg", [95.0, -95.0, 12.0])
+def test_angle_and_sign_of_a_cover_are_found(angle_deg: float, lever_settings: LeverSettings) -> None:
+    angle_rad = cover(TIME_S, angle_deg)
+    track = tracked(*pair(TIME_S, angle_rad), lever_settings)
+    assert np.degrees(np.abs(track.angle_rad - angle_rad)).max() < 0.5
+
+
+@settings(max_examples=25, deadline=None)
+@given(room=unit_quaternions)
+def test_angle_survives_turning_the_whole_inhaler(room: FloatArray) -> None:
+    angle_rad = cover(TIME_S, 95.0)
+    track = tracked(*pair(TIME_S, angle_rad, room=room), FINISHED)
+    # Wherever the heading shows; a hinge that is vertical all the time says so by its own deviation.
+    error = np.abs(track.angle_rad - angle_rad)
+    assert (error < np.radians(0.5) + 3.0 * track.sd_rad).all()
+    assert np.median(np.degrees(error)) < 0.5
+
+
+def test_shut_lever_reads_zero_within_one_degree_when_mounted_askew() -> None:
+    mounting = from_rotation_vector(np.radians([6.0, -5.0, 4.0]))
+    angle_rad = cover(TIME_S, 95.0)
+    track = tracked(*pair(TIME_S, angle_rad, mounting=mounting), FINISHED)
+    is_shut = angle_rad == 0.0
+    assert np.degrees(np.abs(track.angle_rad[is_shut])).max() < 1.0
+
+
+def test_plain_hinge_keeps_the_zero_of_its_frames() -> None:
+    angle_rad = np.radians(10.0) + cover(TIME_S, 40.0)
+    track = tracked(*pair(TIME_S, angle_rad), FINISHED, has_shut_state=False)
+    assert np.degrees(np.abs(track.angle_rad - angle_rad)).max() < 0.5
+
+
+def test_angle_runs_on_through_half_a_turn() -> None:
+    angle_rad = np.linspace(0.0, np.radians(300.0), TIME_S.size)
+    track = tracked(*pair(TIME_S, angle_rad), FINISHED, has_shut_state=False)
+    assert np.abs(np.diff(track.angle_rad)).max() < np.radians(1.0)
+    assert np.degrees(np.abs(np.angle(np.exp(1j * (track.angle_rad - angle_rad))))).max() < 0.5
+
+
+def test_fast_press_comes_through_unsmoothed() -> None:
+    angle_rad = press(TIME_S, 10.0, 12.0)
+    track = tracked(*pair(TIME_S, angle_rad), FINISHED)
+    assert np.degrees(np.abs(track.angle_rad - angle_rad)).max() < 0.3
+
+
+def test_recording_under_way_uses_the_past_alone() -> None:
+    body, lever = pair(TIME_S, cover(TIME_S, 95.0))
+    whole = tracked(body, lever, UNDER_WAY)
+    n = 1234
+    half = tracked(attitude_track(TIME_S[:n], body.q[:n]), attitude_track(TIME_S[:n], lever.q[:n]), UNDER_WAY)
+    np.testing.assert_allclose(half.angle_rad, whole.angle_rad[:n], atol=1e-9)
+
+
+def test_off_axis_is_what_a_hinge_cannot_make() -> None:
+    wobble = np.radians(2.0) * np.sin(7.0 * TIME_S)
+    body, lever = pair(TIME_S, cover(TIME_S, 95.0))
+    loose = attitude_track(TIME_S, multiply(lever.q, from_rotation_vector(np.outer(wobble, [0.0, 1.0, 0.0]))))
+    stiff_deg = np.degrees(tracked(body, lever, FINISHED).off_axis_rad)
+    loose_deg = np.degrees(tracked(body, loose, FINISHED).off_axis_rad)
+    assert stiff_deg.max() < 0.3
+    assert np.sqrt(np.mean(loose_deg**2)) == pytest.approx(2.0 / np.sqrt(2.0), abs=0.3)
+
+
+def test_resampled_attitude_lies_between_its_samples() -> None:
+    exact = attitude_track(TIME_S, from_rotation_vector(np.outer(0.8 * TIME_S, [0.0, 0.6, 0.8])))
+    at = TIME_S[:-1] + 0.004
+    between = resample_attitude(exact, at)
+    want = from_rotation_vector(np.outer(0.8 * at, [0.0, 0.6, 0.8]))
+    assert np.abs(np.sum(between.q * want, axis=-1)).min() > 1.0 - 1e-12
+
+
+def test_attitudes_at_different_times_are_refused() -> None:
+    body, lever = pair(TIME_S, cover(TIME_S, 95.0))
+    with pytest.raises(ValueError, match="same times"):
+        calibrate(body, resample_attitude(lever, TIME_S + 0.001), X, FINISHED)
