@@ -2,30 +2,62 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-READY := $(VENV)/.ready
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint requirements.lock
+# Chosen once: two test processes, the smallest machine this is tested on.
+PYTEST_JOBS ?= 2
+# What `make serve` hands on, as in: make serve ARGS=--with-samples
+ARGS ?=
 export PYTHONPATH := $(CURDIR)
 
-.PHONY: demo test check bench validate clean setup
+SOURCES := pyproject.toml requirements.lock setup.py $(wildcard inhalemon/stages/*.pyx inhalemon/stages/*.pxd)
 
-setup: $(READY)
+.PHONY: demo test check bench bench-api validate serve setup lock clean
 
-$(READY): pyproject.toml requirements.lock setup.py $(wildcard inhalemon/*.pyx inhalemon/*.pxd inhalemon/stages/*.pxd)
+# The program alone is enough for the demo; tests and checks want the extras.
+$(VENV)/.program: $(SOURCES)
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c requirements.lock -e '.[parquet,service,postgres,fhir,test,check]'
-	touch $(READY)
+	$(PIP) --editable .
+	touch $@
 
-demo: $(READY)
+$(VENV)/.everything: $(VENV)/.program
+	$(PIP) --editable '.[parquet,service,postgres,fhir,figures,test,check]'
+	touch $@
+
+setup: $(VENV)/.everything
+
+demo: $(VENV)/.program
 	$(BIN)/inhalemon score sample_data
 
-test: $(READY)
-	$(BIN)/python -m pytest
+test: $(VENV)/.everything
+	$(BIN)/python -m pytest -n $(PYTEST_JOBS)
 
-check: $(READY)
+check: $(VENV)/.everything
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest -m 'not slow and not browser' -x
+	$(BIN)/python -m pytest -m 'not slow and not browser' -x -n $(PYTEST_JOBS)
+
+bench: $(VENV)/.everything
+	$(BIN)/python -m pytest benchmarks
+
+bench-api: $(VENV)/.everything
+	$(BIN)/python -m benchmarks.api
+
+validate: $(VENV)/.everything
+	$(BIN)/python -m validation
+
+serve: $(VENV)/.everything
+	$(BIN)/inhalemon serve $(ARGS)
+
+# The versions that the tests ran with, for Python 3.11 to 3.13: names and versions only.
+lock:
+	rm -rf build/lock
+	$(PYTHON) -m venv build/lock
+	build/lock/bin/python -m pip install --quiet --disable-pip-version-check \
+		--editable '.[parquet,service,postgres,fhir,dask,figures,test,check,fuzz]'
+	build/lock/bin/python -m pip freeze --exclude-editable > requirements.lock
+	rm -rf build/lock
 
 clean:
-	rm -rf $(VENV) build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

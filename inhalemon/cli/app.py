@@ -11,7 +11,7 @@ import typer
 
 from inhalemon import __version__
 from inhalemon.cli import evaluate, serve
-from inhalemon.cli.failures import BROKEN_PIPE, told
+from inhalemon.cli.failures import NOBODY_READS, told
 from inhalemon.exceptions import InhalemonError
 
 app = typer.Typer(
@@ -59,5 +59,5 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         # The reader has gone, as in `| head`. What is still buffered must not complain when Python shuts down.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return BROKEN_PIPE
+        return NOBODY_READS
     return code if isinstance(code, int) else 0

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from inhalemon.cli.output import console, write
+from inhalemon.cli.output import console, table, write
 from inhalemon.exceptions import LabelsError
 
 if TYPE_CHECKING:
@@ -46,8 +46,9 @@ def evaluate(
         return
     terminal = console()
     with terminal.capture() as captured:
-        for table in _tables(result):
-            terminal.print(table)
+        for part in _tables(result):
+            if part.row_count:
+                terminal.print(part)
         terminal.print(_summary(result))
     write(captured.get(), out)
 
@@ -86,53 +87,34 @@ def _parsed(name: str, data: bytes) -> Iterator[dict[str, object]]:
 
 
 def _tables(result: Evaluation) -> Iterator[Table]:
-    from rich.table import Table
-
-    rules = Table("rule", title="Mistakes", title_justify="left")
-    for column in ("TP", "FP", "FN", "F1", "95 %", "kappa", "missed: indet.", "missed: n/a", "doubted"):
-        rules.add_column(column, justify="right")
+    verdicts = ("TP", "FP", "FN", "F1", "95 %", "kappa", "missed: indet.", "missed: n/a", "doubted")
+    rules = table("Mistakes", "rule", *verdicts)
     for name, rule in result.rules.items():
         found = rule.agreement
         interval = "" if found.f1_interval is None else "{:.2f}-{:.2f}".format(*found.f1_interval)
-        counts = (found.tp, found.fp, found.fn)
+        counts = (str(found.tp), str(found.fp), str(found.fn))
         doubts = [str(n or "") for n in (rule.missed_as_indeterminate, rule.missed_as_not_assessable, rule.doubted)]
-        rules.add_row(
-            name,
-            *map(str, counts),
-            _text(found.f1),
-            interval,
-            _text(found.kappa),
-            *doubts,
-        )
+        rules.add_row(name, *counts, _text(found.f1), interval, _text(found.kappa), *doubts)
     yield rules
     yield _boundary_table("Phases", result.phases)
     yield _boundary_table("Events", result.events)
-    measures = Table("measure", title="Measures (report less label, in the measure's unit)", title_justify="left")
-    for column in ("n", "missing", "bias", "median", "p95", "error/sd"):
-        measures.add_column(column, justify="right")
+    columns = ("n", "missing", "bias", "median", "95th", "error/sd")
+    measures = table("Measures: report less label, in the measure's unit", "measure", *columns)
     for name, measure in result.measures.items():
         error = measure.error
         numbers = (None, None, None) if error is None else (error.bias, error.median_abs, error.p95_abs)
-        measures.add_row(
-            name,
-            str(error.n if error else 0),
-            str(measure.n_missing or ""),
-            *(_text(number, 3) for number in numbers),
-            _text(measure.normalised_error),
-        )
+        counts_of = (str(error.n if error else 0), str(measure.n_missing or ""))
+        measures.add_row(name, *counts_of, *(_text(each, 3) for each in numbers), _text(measure.normalised_error))
     yield measures
 
 
 def _boundary_table(title: str, found: dict[str, Boundaries]) -> Table:
-    from rich.table import Table
-
-    table = Table("kind", title=f"{title} (start and end: bias, median, 95th percentile, in ms)", title_justify="left")
-    for column in ("labelled", "reported", "F1", "start", "", "", "end", "", ""):
-        table.add_column(column, justify="right")
+    columns = ("labelled", "reported", "F1", "start", "median", "95th", "end", "median", "95th")
+    made = table(f"{title}: start and end, report less label, in ms", "kind", *columns)
     for kind, each in found.items():
         counts = (str(each.n_labelled), str(each.n_reported), _text(each.f1))
-        table.add_row(kind, *counts, *_milliseconds(each.start_s), *_milliseconds(each.end_s))
-    return table
+        made.add_row(kind, *counts, *_milliseconds(each.start_s), *_milliseconds(each.end_s))
+    return made
 
 
 def _summary(result: Evaluation) -> str:

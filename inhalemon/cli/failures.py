@@ -11,7 +11,7 @@ from inhalemon.exceptions import DeviceError, LabelsError, RecordingError, Rules
 USAGE: Final = 2
 UNUSABLE_RECORDING: Final = 3
 BAD_SETTINGS: Final = 4
-BROKEN_PIPE: Final = 141  # 128 + SIGPIPE, as shells count
+NOBODY_READS: Final = 1  # as typer says it when a write fails because the reader has closed the pipe
 
 EXIT_CODES: Final[tuple[tuple[type[Exception], int], ...]] = (
     (RecordingError, UNUSABLE_RECORDING),

@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
+
+PIPED_WIDTH = 120
 
 
 def write(text: str | bytes, out: Path | None) -> None:
@@ -39,7 +42,19 @@ def write_whole(data: bytes, path: Path) -> None:
 
 
 def console(*, stderr: bool = False) -> Console:
-    """A rich console; plain when its stream is no terminal or NO_COLOR is set."""
+    """A rich console; plain and of a fixed width when its stream is no terminal, without colours under NO_COLOR."""
     from rich.console import Console
 
-    return Console(stderr=stderr, highlight=False, soft_wrap=False)
+    stream = sys.stderr if stderr else sys.stdout
+    return Console(stderr=stderr, highlight=False, width=None if stream.isatty() else PIPED_WIDTH)
+
+
+def table(title: str, *columns: str) -> Table:
+    """A table with names at the left and numbers at the right."""
+    from rich import box
+    from rich.table import Table
+
+    made = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
+    for number, column in enumerate(columns):
+        made.add_column(column, justify="right" if number else "left", no_wrap=True)
+    return made
