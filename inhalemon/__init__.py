@@ -20,12 +20,16 @@ _HOME = {
     "AttitudeSettings": "inhalemon.settings",
     "InhalemonError": "inhalemon.exceptions",
     "RecordingError": "inhalemon.exceptions",
+    "read_recording": "inhalemon.recording",
+    "read_recording_bytes": "inhalemon.recording",
+    "write_recording": "inhalemon.recording",
 }
 
 __all__ = ["__version__", *_HOME]
 
 if TYPE_CHECKING:
     from inhalemon.exceptions import InhalemonError, RecordingError
+    from inhalemon.recording import read_recording, read_recording_bytes, write_recording
     from inhalemon.settings import AttitudeSettings, Settings
     from inhalemon.values import AttitudeTrack, ImuTrack, LeverTrack, Recording, Report
 

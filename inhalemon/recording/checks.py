@@ -1,0 +1,168 @@
+"""Rows gathered into two sensors' arrays, with every check that needs more than one cell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from inhalemon.exceptions import RecordingError
+from inhalemon.recording import layout
+from inhalemon.recording.csv_table import RowBlock, not_finite
+from inhalemon.recording.layout import Columns
+from inhalemon.values import FloatArray, SensorName
+
+
+@dataclass(frozen=True, slots=True)
+class RawSensor:
+    """One sensor's samples as the file has them, in SI units and on the chip's axes."""
+
+    time_s: FloatArray  # (n,)
+    acc_m_s2: FloatArray  # (n, 3)
+    gyr_rad_s: FloatArray  # (n, 3)
+    mag_ut: FloatArray | None  # (n, 3)
+
+
+@dataclass(slots=True)
+class _Gathered:
+    """One sensor's rows so far."""
+
+    time: list[FloatArray] = field(default_factory=list)
+    acc: list[FloatArray] = field(default_factory=list)
+    gyr: list[FloatArray] = field(default_factory=list)
+    mag: list[FloatArray] = field(default_factory=list)
+    last_time_s: float = -np.inf
+    n_samples: int = 0
+
+
+def gather(blocks: Iterable[tuple[Columns, RowBlock]], *, file: str) -> dict[SensorName, RawSensor]:
+    """Both sensors' samples. Raises `RecordingError` for what no recording may be; times are checked as they come."""
+    gathered = {name: _Gathered() for name in SensorName}
+    for columns, block in blocks:
+        _check_values(columns, block, file)
+        if not block.is_lever.any():
+            _add(gathered[SensorName.BODY], block.values, None, columns, block.first_line, file)
+        elif block.is_lever.all():
+            _add(gathered[SensorName.LEVER], block.values, None, columns, block.first_line, file)
+        else:
+            for name, chosen in ((SensorName.BODY, ~block.is_lever), (SensorName.LEVER, block.is_lever)):
+                rows = np.flatnonzero(chosen)
+                _add(gathered[name], block.values[rows], rows, columns, block.first_line, file)
+    if not any(sensor.n_samples for sensor in gathered.values()):
+        raise RecordingError("empty", file=file, found="no row after the header", wanted="rows of both sensors")
+    return {name: _finished(name, sensor, file) for name, sensor in gathered.items()}
+
+
+def _check_values(columns: Columns, block: RowBlock, file: str) -> None:
+    with np.errstate(invalid="ignore"):
+        is_wrong = ~(np.abs(block.values) <= np.array(columns.largest))
+    if not is_wrong.any():
+        return
+    row, position = (int(i) for i in np.argwhere(is_wrong)[0])
+    value, name = float(block.values[row, position]), columns.names[position]
+    line = block.first_line + row
+    if not np.isfinite(value):
+        raise not_finite(name, repr(value), line, file)
+    raise RecordingError(
+        "out_of_range",
+        file=file,
+        line=line,
+        column=name,
+        found=f"{value:g}",
+        wanted=f"at most {columns.largest[position]:g} either way",
+        detail="No such sensor can say this: check the export and its units",
+    )
+
+
+def _add(
+    sensor: _Gathered, values: FloatArray, rows: np.ndarray | None, columns: Columns, first_line: int, file: str
+) -> None:
+    time = np.ascontiguousarray(values[:, columns.time])
+    steps = np.diff(time, prepend=sensor.last_time_s)
+    if (steps <= 0).any():
+        at = int(np.argmax(steps <= 0))
+        before = time[at - 1] if at else sensor.last_time_s
+        what = "equal to" if steps[at] == 0 else "earlier than"
+        raise RecordingError(
+            "time_not_increasing",
+            file=file,
+            line=first_line + int(rows[at] if rows is not None else at),
+            column="time_s",
+            found=f"{time[at]:.10g}, {what} the same sensor's {before:.10g} before",
+            wanted="times that increase within a sensor",
+            detail="Export the rows in the order they were taken, each once",
+        )
+    sensor.last_time_s = float(time[-1])
+    sensor.n_samples += time.size
+    if sensor.n_samples > layout.MAX_SAMPLES:
+        raise _too_long(file, f"more than {layout.MAX_SAMPLES} samples of one sensor")
+    sensor.time.append(time)
+    sensor.acc.append(values[:, columns.acc] * columns.acc_factor)
+    sensor.gyr.append(values[:, columns.gyr] * columns.gyr_factor)
+    if columns.mag:
+        sensor.mag.append(values[:, columns.mag])
+
+
+def _finished(name: SensorName, sensor: _Gathered, file: str) -> RawSensor:
+    if not sensor.n_samples:
+        raise RecordingError(
+            "sensor_missing",
+            file=file,
+            column="sensor",
+            found=f"never '{name}'",
+            wanted="rows of both body and lever",
+            detail=f"Export the {name} sensor too",
+        )
+    time_s = np.concatenate(sensor.time)
+    _check_duration_and_rate(name, time_s, file)
+    return RawSensor(
+        time_s=time_s,
+        acc_m_s2=np.concatenate(sensor.acc),
+        gyr_rad_s=np.concatenate(sensor.gyr),
+        mag_ut=np.concatenate(sensor.mag) if sensor.mag else None,
+    )
+
+
+def _check_duration_and_rate(name: SensorName, time_s: FloatArray, file: str) -> None:
+    """A sample stands for one step, so 200 samples at 100 Hz last 2 s."""
+    if time_s.size < 2:
+        raise _too_short(name, f"{time_s.size} sample", file)
+    step_s = float(np.median(np.diff(time_s)))
+    length_s = float(time_s[-1] - time_s[0])
+    rate_hz = 1.0 / step_s
+    slack = layout.RATE_TOLERANCE
+    if not layout.MIN_RATE_HZ * (1 - slack) <= rate_hz <= layout.MAX_RATE_HZ * (1 + slack):
+        raise RecordingError(
+            "rate_out_of_range",
+            file=file,
+            column="time_s",
+            found=f"{rate_hz:.4g} Hz for {name}",
+            wanted=f"{layout.MIN_RATE_HZ:g} to {layout.MAX_RATE_HZ:g} Hz",
+            detail="Are the times in seconds?",
+        )
+    if length_s + step_s < layout.MIN_DURATION_S * (1 - slack):
+        raise _too_short(name, f"{length_s + step_s:.3g} s", file)
+    if length_s > layout.MAX_DURATION_S:
+        raise _too_long(file, f"{length_s:.6g} s of {name}")
+
+
+def _too_short(name: SensorName, found: str, file: str) -> RecordingError:
+    return RecordingError(
+        "too_short",
+        file=file,
+        column="time_s",
+        found=f"{found} of {name}",
+        wanted=f"at least {layout.MIN_DURATION_S:g} s of each sensor",
+    )
+
+
+def _too_long(file: str, found: str) -> RecordingError:
+    return RecordingError(
+        "too_long",
+        file=file,
+        column="time_s",
+        found=found,
+        wanted=f"at most {layout.MAX_DURATION_S:g} s",
+        detail="Cut the recording into sessions",
+    )
