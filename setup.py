@@ -1,5 +1,31 @@
 """Builds the filter's kernel when there is a C compiler; without one the install goes on and Python runs it."""
 
-from setuptools import setup
+from setuptools import Extension, setup
 
-setup()
+# No fast-math and no contraction: the compiled kernel and the Python form must agree to the bit.
+kernel = Extension(
+    "inhalemon._attitude_kernel",
+    ["inhalemon/_attitude_kernel.py"],
+    extra_compile_args=["-O3", "-ffp-contract=off"],
+    optional=True,
+)
+
+
+def extensions() -> list[Extension]:
+    try:
+        from Cython.Build import cythonize
+    except ImportError:
+        return []
+    directives = {
+        "language_level": 3,
+        "boundscheck": False,
+        "wraparound": False,
+        "cdivision": True,
+        "annotation_typing": False,
+        "initializedcheck": False,
+    }
+    built: list[Extension] = cythonize([kernel], compiler_directives=directives)
+    return built
+
+
+setup(ext_modules=extensions())

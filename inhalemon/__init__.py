@@ -18,6 +18,7 @@ _HOME = {
     "Report": "inhalemon.values",
     "Settings": "inhalemon.settings",
     "AttitudeSettings": "inhalemon.settings",
+    "estimate_attitude": "inhalemon.stages.attitude",
     "InhalemonError": "inhalemon.exceptions",
     "RecordingError": "inhalemon.exceptions",
     "read_recording": "inhalemon.recording",
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from inhalemon.exceptions import InhalemonError, RecordingError
     from inhalemon.recording import read_recording, read_recording_bytes, write_recording
     from inhalemon.settings import AttitudeSettings, Settings
+    from inhalemon.stages.attitude import estimate_attitude
     from inhalemon.values import AttitudeTrack, ImuTrack, LeverTrack, Recording, Report
 
 

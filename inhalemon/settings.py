@@ -38,6 +38,38 @@ class AttitudeSettings:
 
     method: AttitudeMethod = AttitudeMethod.AKF
     smooth: bool = True
+    gyr_noise_deg_sqrt_s: float = 0.01  # MPU-9250 datasheet: 0.01 deg/s/sqrt(Hz)
+    gyr_scale_error: float = 0.01
+    gyr_scale_time_s: float = 0.3
+    bias_walk_deg_s_sqrt_s: float = 0.01
+    acc_noise_m_s_sqrt_s: float = 0.01
+    gyr_saturated_deg_sqrt_s: float = 100.0
+    acc_saturated_m_s_sqrt_s: float = 10.0
+    gap_s: float = 0.05
+    reset_gap_s: float = 1.0
+    gap_rate_deg_s: float = 60.0
+    gap_acc_m_s2: float = 2.0
+    sd_start_tilt_deg: float = 20.0
+    sd_start_velocity_m_s: float = 0.5
+    sd_start_bias_deg_s: float = 3.0
+    sd_acc_bias_m_s2: float = 0.05
+    r_factor_s: float = 0.6
+    r_start_m2_s2: float = 0.1
+    r_floor_m2_s2: float = 0.01
+    window_s: float = 3.0
+    rest_rate_deg_s: float = 2.0
+    rest_acc_m_s2: float = 0.5
+    rest_min_s: float = 1.5
+    rest_bias_deg_sqrt_s: float = 0.05
+    rest_bias_gate_deg_s: float = 1.0
+    rest_r_m_sqrt_s: float = 0.02
+
+    def __post_init__(self) -> None:
+        try:
+            object.__setattr__(self, "method", AttitudeMethod(self.method))
+        except ValueError as error:
+            wanted = ", ".join(AttitudeMethod)
+            raise SettingsError(f"method is {self.method!r}; expected one of {wanted}") from error
 
 
 @dataclass(frozen=True, slots=True)
