@@ -1,0 +1,258 @@
+"""Which mistakes were made: rules held against measures. The rules are data; nothing here knows any of them.
+
+A measure nearer to its limit than its dead-band, or than 1.96 of its standard deviations, decides nothing (95 % two
+sided, if errors are normal). Counts are compared at the half between two whole numbers, so that a count with no
+deviation is always decided. Conditions combine by Kleene's three-valued logic, so that what is missing or too close
+counts only where it could change the verdict.
+"""
+
+from __future__ import annotations
+
+import graphlib
+import math
+import operator
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum, auto
+from typing import Final
+
+from inhalemon.devices import Device
+from inhalemon.measures import unit_of
+from inhalemon.rules.model import AnyOf, Comparison, Condition, Limit, Needs, Rule, RuleSet, Shown, Sign
+from inhalemon.values import DeviceKind, Dose, Finding, Grade, Measure, Score, Severity, Verdict
+
+TWO_SIDED_95: Final = 1.96
+POINTS: Final = {Severity.CRITICAL: 40, Severity.MAJOR: 15, Severity.MINOR: 5}
+
+_COMPARE: Final[dict[Sign, Callable[[float, float], bool]]] = {
+    Sign.LESS: operator.lt,
+    Sign.LESS_OR_EQUAL: operator.le,
+    Sign.MORE: operator.gt,
+    Sign.MORE_OR_EQUAL: operator.ge,
+}
+_GRADE: Final = {
+    Severity.CRITICAL: Grade.CRITICAL_MISTAKES,
+    Severity.MAJOR: Grade.MAJOR_MISTAKES,
+    Severity.MINOR: Grade.MINOR_MISTAKES,
+}
+_GRAVITY: Final = {severity: -place for place, severity in enumerate(Severity)}
+_WORSE: Final = {
+    verdict: place
+    for place, verdict in enumerate((Verdict.PASS, Verdict.NOT_ASSESSABLE, Verdict.INDETERMINATE, Verdict.FAIL))
+}
+
+
+def apply_rules(
+    measures: Mapping[str, Measure], device: Device, rules: RuleSet, *, unusable: str | None = None
+) -> tuple[Finding, ...]:
+    """What each rule of the device says of the measures, in the order of the rules.
+
+    A measure that is missing or without a value makes its rules not assessable, with the measure's reason.
+    `unusable` is why the measures cannot be trusted: then nothing is assessed.
+    """
+    of_device = {rule.id: rule for rule in rules.of(device.rule_set)}
+    causes = {id_: [cause for cause in rule.implied_by if cause in of_device] for id_, rule in of_device.items()}
+    view = _View(measures, device)
+    findings: dict[str, Finding] = {}
+    for id_ in graphlib.TopologicalSorter(causes).static_order():
+        failed = [cause for cause in causes[id_] if findings[cause].verdict is Verdict.FAIL]
+        findings[id_] = _finding(of_device[id_], view, unusable, of_device[failed[0]] if failed else None)
+    return tuple(findings[id_] for id_ in of_device)
+
+
+def score(findings: Iterable[Finding]) -> Score:
+    """Points and grade: 100 less 40 a critical, 15 a major and 5 a minor mistake; the grade is the worst of them.
+
+    Without a failed critical rule, a critical one that could not be decided leaves the whole not assessable; rules that
+    sensors can never decide, and those implied by another, carry no severity and do not count. Nothing assessed at all
+    is not assessable too.
+    """
+    found = tuple(findings)
+    failed = [finding.severity for finding in found if finding.verdict is Verdict.FAIL and finding.severity is not None]
+    undecided = (Verdict.INDETERMINATE, Verdict.NOT_ASSESSABLE)
+    is_open = any(finding.verdict in undecided and finding.severity is Severity.CRITICAL for finding in found)
+    points = max(0, 100 - sum(POINTS[severity] for severity in failed))
+    if not found or (is_open and Severity.CRITICAL not in failed):
+        return Score(points, Grade.NOT_ASSESSABLE)
+    worst = max(failed, key=_GRAVITY.__getitem__, default=None)
+    return Score(points, _GRADE[worst] if worst else Grade.CORRECT)
+
+
+def worst_findings(doses: Sequence[Dose]) -> tuple[Finding, ...]:
+    """The worst verdict of each rule over the doses: fail (gravest first), indeterminate, not assessable, pass."""
+    worst: dict[str, Finding] = {}
+    for dose in doses:
+        for finding in dose.findings:
+            held = worst.get(finding.rule)
+            if held is None or _badness(finding) > _badness(held):
+                worst[finding.rule] = finding
+    return tuple(worst.values())
+
+
+def worst_dose(doses: Sequence[Dose]) -> Dose:
+    """The dose with the fewest points; of several, the first."""
+    return min(doses, key=lambda dose: dose.score.points)
+
+
+def _badness(finding: Finding) -> tuple[int, int]:
+    return _WORSE[finding.verdict], _GRAVITY[finding.severity] if finding.severity else -len(_GRAVITY)
+
+
+class _Truth(Enum):
+    YES = auto()
+    NO = auto()
+    CLOSE = auto()
+    MISSING = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class _Outcome:
+    """Whether a condition holds, and the comparison that decided it."""
+
+    truth: _Truth
+    measure: str
+    found: Measure
+    limit: float | None
+    reason: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _View:
+    """The measures as one device's rules see them."""
+
+    measures: Mapping[str, Measure]
+    device: Device
+
+    def measure(self, name: str) -> Measure:
+        found = self.measures.get(name)
+        if found is None:
+            return Measure(None, reason=f"no_measure:{name}")
+        if found.value is None or not math.isfinite(found.value):
+            return Measure(None, reason=found.reason or f"no_value:{name}")
+        return found
+
+    def limit(self, limit: Limit) -> Measure:
+        if limit.number is not None:
+            return Measure(limit.number)
+        if limit.measure is not None:
+            return self.measure(limit.measure)
+        if self.device.full_travel_rad is not None and limit.travel is not None:
+            return Measure(limit.travel * math.degrees(self.device.full_travel_rad))
+        return Measure(limit.uncalibrated_deg, reason="travel_not_calibrated")
+
+
+def _finding(rule: Rule, view: _View, unusable: str | None, cause: Rule | None) -> Finding:
+    if rule.never_decided is not None:
+        return _not_assessed(rule, None, f"not_observable: {rule.never_decided}", rule.never_decided)
+    if cause is not None:
+        return _not_assessed(rule, None, f"implied_by:{cause.id}", f"already told by “{cause.title}”")
+    if unusable is not None:
+        return _not_assessed(rule, rule.gravest, unusable, _in_words(unusable))
+    if rule.applies is not None:
+        outcome = _outcome(rule.applies.condition, view)
+        if outcome.truth in (_Truth.NO, _Truth.MISSING):
+            reason = outcome.reason or rule.applies.reason
+            return _not_assessed(rule, rule.gravest, reason, _in_words(reason))
+    return _judged(rule, view)
+
+
+def _judged(rule: Rule, view: _View) -> Finding:
+    """The verdict of a rule that applies: the gravest level that holds, or else whether the widest one does not."""
+    outcomes = [(level.severity, _outcome(level.when, view)) for level in rule.levels]
+    for severity, outcome in outcomes:
+        if outcome.truth is _Truth.YES:
+            return _told(rule, view, Verdict.FAIL, severity, outcome)
+    widest_severity, widest = outcomes[-1]
+    if widest.truth is _Truth.NO:
+        doubt = _outcome(rule.doubt.condition, view) if rule.doubt is not None else None
+        if rule.doubt is not None and doubt is not None and doubt.truth is _Truth.YES:
+            doubted = replace(doubt, reason=rule.doubt.reason)
+            return _told(rule, view, Verdict.INDETERMINATE, widest_severity, doubted)
+        return _told(rule, view, Verdict.PASS, None, widest)
+    gravest_open = next(severity for severity, outcome in outcomes if outcome.truth is not _Truth.NO)
+    verdict = Verdict.INDETERMINATE if widest.truth is _Truth.CLOSE else Verdict.NOT_ASSESSABLE
+    return _told(rule, view, verdict, gravest_open, widest)
+
+
+def _outcome(condition: Condition, view: _View) -> _Outcome:
+    if isinstance(condition, Comparison):
+        return _compared(condition, view)
+    if isinstance(condition, Needs):
+        found = view.measure(condition.measure)
+        truth = _Truth.NO if found.value is not None else _Truth.MISSING
+        return _Outcome(truth, condition.measure, found, None, found.reason)
+    # Kleene: one YES makes an `any`, one NO unmakes an `all`; what is missing or close matters only without it.
+    decides, otherwise = (_Truth.YES, _Truth.NO) if isinstance(condition, AnyOf) else (_Truth.NO, _Truth.YES)
+    parts = [_outcome(part, view) for part in condition.conditions if _concerns(part, view.device.rule_set)]
+    for truth in (decides, _Truth.MISSING, _Truth.CLOSE, otherwise):
+        for part in parts:
+            if part.truth is truth:
+                return part
+    return _Outcome(otherwise, "", Measure(None), None)  # no part concerns this device
+
+
+def _concerns(condition: Condition, device: DeviceKind) -> bool:
+    return not isinstance(condition, Comparison) or condition.devices is None or device in condition.devices
+
+
+def _compared(condition: Comparison, view: _View) -> _Outcome:
+    found, limit = view.measure(condition.measure), view.limit(condition.limit)
+    if found.value is None or limit.value is None:
+        reason = found.reason if found.value is None else limit.reason
+        return _Outcome(_Truth.MISSING, condition.measure, found, limit.value, reason)
+    distance = abs(found.value - _boundary(condition, limit.value))
+    nearest = max(condition.dead_band, TWO_SIDED_95 * math.hypot(found.sd or 0.0, limit.sd or 0.0))
+    if distance < nearest:
+        return _Outcome(_Truth.CLOSE, condition.measure, found, limit.value, "too_close_to_the_limit")
+    truth = _Truth.YES if _COMPARE[condition.sign](found.value, limit.value) else _Truth.NO
+    return _Outcome(truth, condition.measure, found, limit.value)
+
+
+def _boundary(condition: Comparison, limit: float) -> float:
+    if unit_of(condition.measure) != "count":
+        return limit
+    return limit - 0.5 if condition.sign in (Sign.LESS, Sign.MORE_OR_EQUAL) else limit + 0.5
+
+
+def _not_assessed(rule: Rule, severity: Severity | None, reason: str, why: str) -> Finding:
+    message = f"Not assessed: {why}."
+    return Finding(rule.id, Verdict.NOT_ASSESSABLE, severity, None, None, rule.unit, None, None, reason, message)
+
+
+def _told(rule: Rule, view: _View, verdict: Verdict, severity: Severity | None, outcome: _Outcome) -> Finding:
+    name, found, limit = outcome.measure, outcome.found, outcome.limit
+    if rule.shows is not None and verdict in (Verdict.FAIL, Verdict.PASS):
+        name, found, limit = _shown(rule.shows, view)
+    if verdict is Verdict.FAIL:
+        message = rule.message
+    elif verdict is Verdict.PASS:
+        message = rule.ok
+    elif verdict is Verdict.INDETERMINATE:
+        message = f"Undecided: {{value}} against a limit of {{limit}}, {_in_words(outcome.reason)}."
+    else:
+        message = f"Not assessed: {_in_words(outcome.reason)}."
+    message = message.replace("{value}", _written(found.value, name)).replace("{limit}", _written(limit, name))
+    unit = unit_of(name) if name else rule.unit
+    return Finding(
+        rule.id, verdict, severity, found.value, limit, unit, found.start_s, found.end_s, outcome.reason, message
+    )
+
+
+def _shown(shown: Shown, view: _View) -> tuple[str, Measure, float | None]:
+    return shown.measure, view.measure(shown.measure), view.limit(shown.limit).value
+
+
+def _written(value: float | None, measure: str) -> str:
+    """A number as a person reads it, with its unit."""
+    if value is None:
+        return "nothing"
+    unit = unit_of(measure)
+    if unit == "s":
+        return f"{value:.2f}".rstrip("0").rstrip(".") + " s" if abs(value) < 10 else f"{value:.1f} s"
+    if unit == "deg":
+        return f"{value:.1f}".removesuffix(".0") + "°"
+    return f"{value:g} cycles" if measure.endswith("_cycles") else f"{value:g}"
+
+
+def _in_words(reason: str | None) -> str:
+    return (reason or "no reason given").replace("_", " ").replace(":", ": ")
