@@ -56,7 +56,7 @@ lock:
 	$(PYTHON) -m venv build/lock
 	build/lock/bin/python -m pip install --quiet --disable-pip-version-check \
 		--editable '.[parquet,service,postgres,fhir,dask,figures,test,check,fuzz]'
-	build/lock/bin/python -m pip freeze --exclude-editable > requirements.lock
+	PYTHONPATH= build/lock/bin/python -m pip freeze --exclude-editable > requirements.lock
 	rm -rf build/lock
 
 clean:
