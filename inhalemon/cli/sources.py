@@ -6,10 +6,8 @@ import os
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 STANDARD_INPUT = "-"
-SUFFIXES = (".csv", ".csv.gz", ".csv.zst", ".parquet")
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,24 +31,18 @@ def sources(paths: Iterable[str]) -> list[Source]:
         elif os.path.isdir(path):
             inside = {name: Source(name) for name in _walked(path)}
             if not inside:
-                raise FileNotFoundError(0, f"no recordings found ({', '.join(SUFFIXES)})", path)
+                raise FileNotFoundError(0, "no recordings in this folder", path)
             found.update(inside)
         else:
             found[path] = Source(path)
     return list(found.values())
 
 
-def session_stem(name: str) -> str:
-    """A recording's name without folders and format suffixes: its session id when nothing else says one."""
-    base = Path(name).name
-    for suffix in (".gz", ".zst", ".csv", ".parquet"):
-        base = base.removesuffix(suffix)
-    return base
-
-
 def _walked(folder: str) -> Iterator[str]:
+    from inhalemon.recording import is_recording_file
+
     for place, folders, files in os.walk(folder):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         yield from (
-            os.path.join(place, name) for name in sorted(files) if name.endswith(SUFFIXES) and not name.startswith(".")
+            os.path.join(place, name) for name in sorted(files) if is_recording_file(name) and not name.startswith(".")
         )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import PurePath
 from typing import cast
 
 from inhalemon.exceptions import LabelsError
+from inhalemon.recording.layout import stem_of
 from inhalemon.values import Event, EventKind, Measure, Phase, PhaseKind, Report, Verdict
 
 REPORT_FORMAT = "inhalemon-report/1"
@@ -45,7 +45,7 @@ def session_from_report(report: Report | Mapping[str, object]) -> Session:
         )
     kind = report.get("format")
     if kind == ERROR_FORMAT:
-        return Session(session_id=_stem(str(report.get("file", ""))), is_scored=False)
+        return Session(session_id=stem_of(str(report.get("file", ""))), is_scored=False)
     if kind != REPORT_FORMAT:
         raise LabelsError(f"report: format is {kind!r}; expected {REPORT_FORMAT}")
     session_id = str(report.get("session_id"))
@@ -132,11 +132,3 @@ def _guarded(where: str, build: Callable[[], Session]) -> Session:
         raise LabelsError(f"{where}: {error.args[0]} is missing") from error
     except (TypeError, ValueError, AttributeError) as error:
         raise LabelsError(f"{where}: {error}") from error
-
-
-def _stem(file: str) -> str:
-    """A recording's usual session id: its name without folders and suffixes of the recording formats."""
-    name = PurePath(file).name
-    for suffix in (".gz", ".zst", ".csv", ".parquet"):
-        name = name.removesuffix(suffix)
-    return name
