@@ -19,6 +19,8 @@ _HOME = {
     "Settings": "inhalemon.settings",
     "AttitudeSettings": "inhalemon.settings",
     "estimate_attitude": "inhalemon.stages.attitude",
+    "track_lever": "inhalemon.pipeline",
+    "estimate_tracks": "inhalemon.pipeline",
     "InhalemonError": "inhalemon.exceptions",
     "RecordingError": "inhalemon.exceptions",
     "read_recording": "inhalemon.recording",
@@ -30,6 +32,7 @@ __all__ = ["__version__", *_HOME]
 
 if TYPE_CHECKING:
     from inhalemon.exceptions import InhalemonError, RecordingError
+    from inhalemon.pipeline import estimate_tracks, track_lever
     from inhalemon.recording import read_recording, read_recording_bytes, write_recording
     from inhalemon.settings import AttitudeSettings, Settings
     from inhalemon.stages.attitude import estimate_attitude
