@@ -26,6 +26,8 @@ _HOME = {
     "read_recording": "inhalemon.recording",
     "read_recording_bytes": "inhalemon.recording",
     "write_recording": "inhalemon.recording",
+    "Truth": "inhalemon.simulate",
+    "simulate_session": "inhalemon.simulate",
 }
 
 __all__ = ["__version__", *_HOME]
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from inhalemon.pipeline import estimate_tracks, track_lever
     from inhalemon.recording import read_recording, read_recording_bytes, write_recording
     from inhalemon.settings import AttitudeSettings, Settings
+    from inhalemon.simulate import Truth, simulate_session
     from inhalemon.stages.attitude import estimate_attitude
     from inhalemon.values import AttitudeTrack, ImuTrack, LeverTrack, Recording, Report
 

@@ -73,3 +73,7 @@ class DeviceError(InhalemonError):
 
 class LabelsError(InhalemonError):
     """A label file that cannot be used, or labels and reports that do not belong together."""
+
+
+class SimulationError(InhalemonError):
+    """A session that cannot be simulated: an unknown device, mistake, profile or rate, or mistakes that clash."""
