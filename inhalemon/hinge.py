@@ -9,7 +9,7 @@ arg(sum a conj b), and |a conj b| says how much the hinge shows: 1 when it is le
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Self
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from inhalemon.rotation import as_matrix
 from inhalemon.settings import LeverSettings
-from inhalemon.values import FloatArray, IntArray
+from inhalemon.values import AttitudeTrack, FloatArray, IntArray
 
 _SAMPLES_PER_BLOCK = 10  # enough to follow a hand within 0.2 s; more only cost time
 
@@ -32,34 +32,39 @@ class Blocks:
     time_s: FloatArray  # (m,) the middle of each block
     level: NDArray[np.complex128]  # (m, 3, 3)
     upright: FloatArray  # (m, 3, 3)
+    rise_body: FloatArray  # (m, 3) the room's vertical in the body's frame
+    rise_lever: FloatArray  # (m, 3) and in the lever's
     first: IntArray  # (m,) the first sample of each block
 
     @classmethod
-    def of(cls, time_s: FloatArray, q_ref_body: FloatArray, q_ref_lever: FloatArray, block_s: float) -> Self:
-        """Blocks of `block_s`; one without a sample is left out."""
+    def of(cls, body: AttitudeTrack, lever: AttitudeTrack, block_s: float) -> Self:
+        """Blocks of `block_s` of two attitudes at the same times; a block without a sample is left out."""
+        time_s = body.time_s
         number = np.floor((time_s - time_s[0]) / block_s).astype(np.int64)
         first = np.flatnonzero(np.diff(number, prepend=-1))
         rate_hz = time_s.size / (time_s[-1] - time_s[0])
         stride = max(1, int(rate_hz * block_s / _SAMPLES_PER_BLOCK))
         # The first sample of every block is always taken, so that no block is empty.
         taken = np.union1d(np.arange(0, time_s.size, stride), first)
-        body = as_matrix(q_ref_body[taken])
-        lever = as_matrix(q_ref_lever[taken])
-        level_body = body[:, 0] + 1j * body[:, 1]
-        level_lever = lever[:, 0] - 1j * lever[:, 1]
+        rows_body = as_matrix(body.q[taken])
+        rows_lever = as_matrix(lever.q[taken])
+        level_body = rows_body[:, 0] + 1j * rows_body[:, 1]
+        level_lever = rows_lever[:, 0] - 1j * rows_lever[:, 1]
         starts = np.searchsorted(taken, first)
         n_taken = np.diff(starts, append=taken.size)[:, None, None]
         level = (
             np.add.reduceat(level_body[:, :, None] * level_lever[:, None, :], starts).astype(np.complex128) / n_taken
         )
-        upright = np.add.reduceat(body[:, 2, :, None] * lever[:, 2, None, :], starts) / n_taken
-        return cls((number[first] + 0.5) * block_s + time_s[0], level, upright, first)
+        upright = np.add.reduceat(rows_body[:, 2, :, None] * rows_lever[:, 2, None, :], starts) / n_taken
+        rise_body = np.add.reduceat(rows_body[:, 2], starts) / n_taken[:, :, 0]
+        rise_lever = np.add.reduceat(rows_lever[:, 2], starts) / n_taken[:, :, 0]
+        return cls((number[first] + 0.5) * block_s + time_s[0], level, upright, rise_body, rise_lever, first)
 
     def __len__(self) -> int:
         return int(self.time_s.size)
 
     def __getitem__(self, part: slice) -> Blocks:
-        return Blocks(self.time_s[part], self.level[part], self.upright[part], self.first[part])
+        return Blocks(*(getattr(self, field.name)[part] for field in fields(self)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,12 +90,12 @@ def heading_difference(
     shown = np.abs(seen).tolist()
     steps = np.diff(blocks.time_s, prepend=blocks.time_s[0]).tolist()
     walk = settings.heading_walk_rad_s**2
-    white = settings.sd_heading_block_rad**2
+    scatter = settings.scatter_factor * _scatter(blocks, np.abs(seen), axis_body, axis_lever, settings, centred=smooth)
     x, rate = start, 0.0
     p00, p01, p11 = math.pi**2, 0.0, settings.sd_heading_rate_rad_s**2
     told: list[tuple[float, float, float, float, float]] = []
     known: list[tuple[float, float, float, float, float]] = []
-    for dt, angle, size in zip(steps, measured, shown, strict=True):
+    for dt, angle, size, white in zip(steps, measured, shown, scatter.tolist(), strict=True):
         x += dt * rate
         p00 += dt * (2.0 * p01 + dt * p11) + walk * dt**3 / 3.0
         p01 += dt * p11 + walk * dt**2 / 2.0
@@ -98,9 +103,10 @@ def heading_difference(
         told.append((x, rate, p00, p01, p11))
         if size > settings.min_shown:
             surprise = math.remainder(angle - x, math.tau)
-            variance = white / size**2
-            # A block far off its forecast is believed as far as its own size allows, never more.
-            variance = max(variance, surprise**2 / settings.max_surprise**2 - p00)
+            variance = white / size
+            # Huber's weight: a block far off its forecast pulls no harder than one at the limit.
+            excess = abs(surprise) / (settings.max_surprise * math.sqrt(p00 + variance))
+            variance *= max(1.0, excess)
             gain = p00 / (p00 + variance)
             gain_rate = p01 / (p00 + variance)
             x += gain * surprise
@@ -113,6 +119,34 @@ def heading_difference(
         _smooth(known, told, steps)
     rad, rates, variances, _, _ = (np.array(column) for column in zip(*known, strict=True))
     return Heading(rad, rates, np.sqrt(variances))
+
+
+def _scatter(
+    blocks: Blocks,
+    shown: FloatArray,
+    axis_body: FloatArray,
+    axis_lever: FloatArray,
+    settings: LeverSettings,
+    *,
+    centred: bool = True,
+) -> FloatArray:
+    """Variance of the hinge's direction as one attitude sees it against the other, block by block, in rad^2.
+
+    What heading cannot mend, the difference in elevation, shows how well the two agree just now: a loose hinge and a
+    shaken sensor agree badly. Its mean square over a window is the variance, with some blocks' worth of `sd_hinge_rad`.
+    """
+    half = round(settings.scatter_window_s / settings.block_s)
+    m = len(blocks)
+    rise = blocks.rise_body @ axis_body - blocks.rise_lever @ axis_lever
+    end = np.arange(m) + 1
+    begin = np.maximum(end - half, 0)
+    if centred:
+        end = np.minimum(end + half, m)
+    misfit = np.diff(np.concatenate([[0.0], np.cumsum(rise**2)])[np.stack([begin, end])], axis=0)[0]
+    weight = np.diff(np.concatenate([[0.0], np.cumsum(shown)])[np.stack([begin, end])], axis=0)[0]
+    prior = settings.sd_hinge_blocks
+    variance: FloatArray = (misfit + prior * settings.sd_hinge_rad**2) / (weight + prior)
+    return variance
 
 
 def _smooth(
@@ -141,30 +175,50 @@ def _smooth(
         )
 
 
-def fit_axes(blocks: Blocks, axis: FloatArray, settings: LeverSettings, n_fits: int) -> tuple[FloatArray, FloatArray]:
-    """The hinge axis on the body and on the lever, refitted to the blocks with `axis` as what was known before.
+def fit_axes(blocks: Blocks, axis: FloatArray, settings: LeverSettings) -> tuple[FloatArray, FloatArray]:
+    """The hinge axis on the body and on the lever, from the blocks, with `axis` as what was known before.
 
-    Each fit takes the heading from the axes so far, then the axes from |u - v|^2 over all blocks, linearised about
-    `axis` in two small angles a side, with a prior of `sd_axis_rad`. The blocks count as independent every
-    `axis_memory_s`, because tilt errors last that long.
+    Each of `n_axis_fits` rounds takes the heading from the axes so far, then one Gauss-Newton step on |u - v|^2 over
+    all blocks for two small angles a side, and for an offset and a slope of the heading, which would otherwise hide
+    half of what the axes are off. Tilt errors last for about `axis_memory_s`: the blocks count once in that time.
     """
-    across = _across(axis)
     axis_body = axis_lever = axis
-    n_independent = len(blocks) * settings.block_s / settings.axis_memory_s
-    weight = n_independent * (settings.sd_axis_rad / settings.sd_axis_fit_rad) ** 2
-    for _ in range(n_fits):
+    known = 1.0 / settings.sd_axis_rad**2
+    share = settings.block_s / settings.axis_memory_s
+    ramp = np.stack([np.ones(len(blocks)), np.linspace(-1.0, 1.0, len(blocks))])
+    for _ in range(settings.n_axis_fits):
         heading = heading_difference(blocks, axis_body, axis_lever, settings, smooth=True)
-        turn = np.exp(-1j * heading.rad)
-        # The mean relative rotation: |u - v|^2 is on average 2 - 2 axis_body @ mean @ axis_lever.
-        mean = ((turn[:, None, None] * blocks.level).real + blocks.upright).mean(axis=0)
-        cross = across.T @ mean @ across
-        size = float(axis @ mean @ axis)
-        normal = np.block([[size * np.eye(2), -cross], [-cross.T, size * np.eye(2)]]) * weight + np.eye(4)
-        pull = weight * np.concatenate([across.T @ mean @ axis, across.T @ mean.T @ axis])
-        small = np.linalg.solve(normal, pull)
-        axis_body, axis_lever = axis + across @ small[:2], axis + across @ small[2:]
-        axis_body, axis_lever = axis_body / np.linalg.norm(axis_body), axis_lever / np.linalg.norm(axis_lever)
+        turned = np.exp(-1j * heading.rad)[:, None, None] * blocks.level
+        weight = share / _scatter(blocks, np.abs(turned @ axis_lever @ axis_body), axis_body, axis_lever, settings)
+        # |u - v|^2 is 2 - 2 axis_body @ (turned.real + upright) @ axis_lever; turned.imag is its slope with heading.
+        agree = np.tensordot(weight, turned.real + blocks.upright, axes=1)
+        slope = np.tensordot(ramp * weight, turned.imag, axes=1)
+        bend = (ramp * (weight * (turned.real @ axis_lever @ axis_body))) @ ramp.T
+        body, lever = _across(axis_body), _across(axis_lever)
+        cross = body.T @ agree @ lever
+        body_slope, lever_slope = -(slope @ axis_lever @ body).T, -(axis_body @ slope @ lever).T
+        stiff = (axis_body @ agree @ axis_lever + known) * np.eye(2)
+        normal = np.block(
+            [
+                [stiff, -cross, body_slope],
+                [-cross.T, stiff, lever_slope],
+                [body_slope.T, lever_slope.T, bend + np.eye(2)],  # a radian is known of the heading: never singular
+            ]
+        )
+        pull = [
+            body.T @ (agree @ axis_lever + known * (axis - axis_body)),
+            lever.T @ (axis_body @ agree + known * (axis - axis_lever)),
+            slope @ axis_lever @ axis_body,
+        ]
+        step = np.linalg.solve(normal, np.concatenate(pull))
+        axis_body = _unit(axis_body + body @ step[:2])
+        axis_lever = _unit(axis_lever + lever @ step[2:4])
     return axis_body, axis_lever
+
+
+def _unit(v: FloatArray) -> FloatArray:
+    unit: FloatArray = v / np.linalg.norm(v)
+    return unit
 
 
 def _across(axis: FloatArray) -> FloatArray:

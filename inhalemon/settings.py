@@ -80,13 +80,16 @@ class LeverSettings:
     # The heading between the two rooms: a Kalman filter on blocks.
     block_s: float = 0.2
     sd_heading_block_rad: float = math.radians(6.0)  # of one block of a level hinge; errors last longer than a block
+    sd_hinge_rad: float = math.radians(1.0)
+    sd_hinge_blocks: float = 5.0
+    scatter_window_s: float = 3.0
+    scatter_factor: float = 3.0
     sd_heading_rate_rad_s: float = math.radians(0.5)  # what is left of the gyros' bias at the start
     heading_walk_rad_s: float = math.radians(0.02)  # its random walk, per square root of a second
     min_shown: float = 0.03  # of 1: blocks in which the hinge is more upright than this say nothing
     max_surprise: float = 3.0  # standard deviations
     # The hinge axes.
     sd_axis_rad: float = math.radians(3.0)  # how well the profile's axis is known before
-    sd_axis_fit_rad: float = math.radians(2.0)  # scatter of the hinge between the two attitudes
     axis_memory_s: float = 1.0  # errors of tilt and a loose hinge last about this long
     n_axis_fits: int = 3
     first_fit_blocks: int = 20  # while recording: the first fit, then at every doubling

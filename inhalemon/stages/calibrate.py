@@ -36,9 +36,9 @@ def calibrate(
     axis = np.asarray(hinge_axis, dtype=np.float64) / np.linalg.norm(hinge_axis)
     time_s = body.time_s
     n = time_s.size
-    blocks = Blocks.of(time_s, body.q, lever.q, settings.block_s)
+    blocks = Blocks.of(body, lever, settings.block_s)
     if settings.smooth:
-        axis_body, axis_lever = fit_axes(blocks, axis, settings, settings.n_axis_fits)
+        axis_body, axis_lever = fit_axes(blocks, axis, settings)
         heading = heading_difference(blocks, axis_body, axis_lever, settings, smooth=True)
         heading_rad = np.interp(time_s, blocks.time_s, heading.rad)
         sd_heading_rad = np.interp(time_s, blocks.time_s, heading.sd_rad)
@@ -64,7 +64,7 @@ def calibrate(
     ends = np.append(blocks.first[1:], n)
     for begin, end in _doubling(len(blocks), settings.first_fit_blocks):
         past = blocks[:begin]
-        axis_body, axis_lever = fit_axes(past, axis, settings, settings.n_axis_fits) if begin else (axis, axis)
+        axis_body, axis_lever = fit_axes(past, axis, settings) if begin else (axis, axis)
         heading = heading_difference(blocks[:end], axis_body, axis_lever, settings, smooth=False)
         part = slice(int(blocks.first[begin]), int(ends[end - 1]))
         result.axis_body[part] = axis_body
