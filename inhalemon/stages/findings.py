@@ -143,7 +143,7 @@ class _View:
 
 def _finding(rule: Rule, view: _View, unusable: str | None, cause: Rule | None) -> Finding:
     if rule.never_decided is not None:
-        return _not_assessed(rule, None, f"not_observable: {rule.never_decided}", rule.never_decided)
+        return _not_assessed(rule, None, "not_observable", rule.never_decided)
     if cause is not None:
         return _not_assessed(rule, None, f"implied_by:{cause.id}", f"already told by “{cause.title}”")
     if unusable is not None:
