@@ -29,7 +29,33 @@ class AttitudeMethod(StrEnum):
 class ClockSettings:
     """Two sensors, two clocks: how the offset and drift between them are sought."""
 
+    # The coarse search: offsets beyond this are believed only when they agree better by `near_preference`.
     max_offset_s: float = 0.5
+    near_preference: float = 0.2
+    coarse_bin_s: float = 0.02
+    faint_rad_s: float = 0.1  # slower motion than this counts little
+    chunk_s: float = 120.0  # the liveliest stretch, where drift cannot mislead yet
+    peak_share: float = 0.7  # other lags that agree nearly as well are tried too
+    max_peaks: int = 3
+    # The fine fit.
+    max_samples: int = 1200
+    min_samples: int = 50
+    n_iterations: int = 5
+    max_step_s: float = 0.03
+    converged_s: float = 1e-4
+    tukey: float = 4.685  # 95 % efficient on Gaussian noise
+    sd_noise_rad_s: float = 0.01
+    # What is known before: crystals agree to some 50 ppm, chips' own oscillators worse; gyroscopes' scales to some 3 %;
+    # the hinge axes are near x to some 10 degrees.
+    sd_drift: float = 2e-4
+    sd_scale: float = 0.03
+    sd_axis_rad: float = 0.17
+    # What makes a fit believable: how sure, how much of the motion agrees, and how closely.
+    sd_floor_s: float = 2e-4
+    max_sd_offset_s: float = 0.004
+    min_agreed: float = 0.5
+    max_share_left: float = 0.01
+    max_share_noise: float = 0.25  # with the sensors' own noise, where motion is faint
 
 
 @dataclass(frozen=True, slots=True)

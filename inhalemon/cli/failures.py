@@ -6,7 +6,7 @@ from typing import Final
 
 import typer
 
-from inhalemon.exceptions import DeviceError, LabelsError, RecordingError, RulesError, SettingsError, SimulationError
+from inhalemon.exceptions import DeviceError, LabelsError, RecordingError, RulesError, SettingsError
 
 USAGE: Final = 2
 UNUSABLE_RECORDING: Final = 3
@@ -19,7 +19,6 @@ EXIT_CODES: Final[tuple[tuple[type[Exception], int], ...]] = (
     (RulesError, BAD_SETTINGS),
     (DeviceError, BAD_SETTINGS),
     (LabelsError, USAGE),
-    (SimulationError, USAGE),
     (OSError, USAGE),
 )
 

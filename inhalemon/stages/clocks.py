@@ -1,0 +1,303 @@
+"""Two sensors, two clocks: the lever's times brought to the body's clock by the motion that both sensors share."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from inhalemon.settings import ClockSettings
+from inhalemon.values import BoolArray, ClockFit, FloatArray, ImuTrack, IntArray, Recording
+
+_REST_BLOCK_S = 0.5
+_MIN_LENGTH_S = 1.0
+_MAX_REST_SD_RAD_S = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class _Rates:
+    """One sensor's angular rates without their rest bias."""
+
+    time_s: FloatArray  # (n,)
+    gyr_rad_s: FloatArray  # (n, 3)
+    is_good: BoolArray  # (n,) neither saturated nor beside a gap
+    noise_rad_s: float  # root mean square of all three axes when stillest
+
+
+@dataclass(frozen=True, slots=True)
+class _Model:
+    """What is being fitted. The axes are (1, y, z), not normalised, and count only when the lever may move."""
+
+    offset_s: float
+    drift: float
+    scale: float  # the lever's gyroscope against the body's, less one
+    axis_body: tuple[float, float]
+    axis_lever: tuple[float, float]
+
+    def moved(self, step: FloatArray) -> _Model:
+        turns = step[3:].tolist() or [0.0] * 4
+        return _Model(
+            offset_s=self.offset_s + float(step[0]),
+            drift=self.drift + float(step[1]),
+            scale=self.scale + float(step[2]),
+            axis_body=(self.axis_body[0] + turns[0], self.axis_body[1] + turns[1]),
+            axis_lever=(self.axis_lever[0] + turns[2], self.axis_lever[1] + turns[3]),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Fitted:
+    model: _Model
+    fit: ClockFit
+    share_left: float  # of the lever's variance, not explained by the body's motion
+
+
+def align_clocks(recording: Recording, settings: ClockSettings) -> tuple[Recording, ClockFit]:
+    """The recording with the lever's times on the body's clock, and what was found of the two clocks.
+
+    Both sensors turn together while the lever is still, so the length of their angular rate agrees in every mounting
+    and at every lever angle. A coarse offset over all lags comes from the cross-correlation of the two lengths; offset,
+    drift and the ratio of the gyroscopes' scales then from weighted least squares on the samples (Gauss-Newton, with
+    the body's rates interpolated as vectors). Tukey's weights leave out the lever's own strokes and impacts. Standard
+    deviations come from the scatter of one-second blocks (the sandwich estimator), since the residuals are not white.
+
+    Where the lever hardly rests, the part of the rate across the hinge is compared instead, which the hinge's own
+    motion does not touch; the two hinge axes are then fitted too, near x (the constraint of Seel, Raisch, Schauer 2014,
+    doi:10.3390/s140406891, with time as a further unknown).
+
+    When too little motion is shared the clocks are taken as they are (`is_found` false). Should they not overlap at
+    all then, the lever is moved so that both begin together, which only keeps the recording readable.
+    """
+    fit = _shared_motion(recording.body, recording.lever, settings) or _unknown(recording, settings)
+    if fit.offset_s == 0.0 and fit.drift == 0.0:
+        return recording, fit
+    time_s = recording.lever.time_s
+    moved = time_s + fit.offset_s + fit.drift * (time_s - fit.reference_s)
+    return dataclasses.replace(recording, lever=dataclasses.replace(recording.lever, time_s=moved)), fit
+
+
+def _shared_motion(body_track: ImuTrack, lever_track: ImuTrack, settings: ClockSettings) -> ClockFit | None:
+    if min(np.ptp(body_track.time_s), np.ptp(lever_track.time_s)) < _MIN_LENGTH_S:
+        return None
+    body, lever = _rates(body_track), _rates(lever_track)
+    return _fit(body, lever, settings, lever_moves=False) or _fit(body, lever, settings, lever_moves=True)
+
+
+def _unknown(recording: Recording, settings: ClockSettings) -> ClockFit:
+    body_s, lever_s = recording.body.time_s, recording.lever.time_s
+    overlap_s = min(body_s[-1], lever_s[-1]) - max(body_s[0], lever_s[0])
+    return ClockFit(
+        offset_s=0.0 if overlap_s > 0 else float(body_s[0] - lever_s[0]),
+        drift=0.0,
+        reference_s=float(lever_s[0]),
+        sd_offset_s=settings.max_offset_s,
+        sd_drift=settings.sd_drift,
+        is_found=False,
+    )
+
+
+def _rates(track: ImuTrack) -> _Rates:
+    time_s, gyr = track.time_s, track.gyr_rad_s
+    n_block = max(4, round(_REST_BLOCK_S * track.rate_hz))
+    blocks = gyr[: gyr.shape[0] // n_block * n_block].reshape(-1, n_block, 3)
+    means = np.einsum("ijk->ik", blocks) / n_block
+    variance = np.einsum("ijk,ijk->i", blocks, blocks) / n_block - np.einsum("ij,ij->i", means, means)
+    stillest = int(np.argmin(variance))
+    noise = float(np.sqrt(max(variance[stillest], 0.0)))
+    if noise < _MAX_REST_SD_RAD_S:
+        gyr = gyr - means[stillest]
+    step_s = np.diff(time_s)
+    is_whole = step_s < 2.5 * np.median(step_s)
+    is_good = np.ones(time_s.size, dtype=np.bool_)
+    is_good[1:] &= is_whole
+    is_good[:-1] &= is_whole
+    if track.is_gyr_saturated is not None:
+        is_good &= ~track.is_gyr_saturated
+    return _Rates(time_s, gyr, is_good, noise)
+
+
+def _fit(body: _Rates, lever: _Rates, settings: ClockSettings, *, lever_moves: bool) -> ClockFit | None:
+    """Offset and drift from all of the session, widening from its liveliest part so that drift cannot mislead.
+
+    `None` when the two sensors do not agree well enough to be believed.
+    """
+    axis = (0.0, 0.0) if lever_moves else None
+    body_speed, lever_speed = _length(body.gyr_rad_s, axis)[0], _length(lever.gyr_rad_s, axis)[0]
+    steepness = np.abs(np.diff(lever_speed, append=lever_speed[-1]))
+    middle_s, half_s = _liveliest(body.time_s, body_speed, settings.chunk_s)
+
+    def refined(model: _Model, reference_s: float, half_s: float) -> _Fitted | None:
+        chosen = np.flatnonzero(lever.is_good & (np.abs(lever.time_s - reference_s) <= half_s))
+        if chosen.size > settings.max_samples:  # the steepest ones say nearly all
+            steepest = np.argpartition(steepness[chosen], -settings.max_samples)[-settings.max_samples :]
+            chosen = np.sort(chosen[steepest])
+        return _refine(body, lever, chosen, model, reference_s, settings, lever_moves=lever_moves)
+
+    found: _Fitted | None = None
+    for offset_s in _coarse_offsets(body.time_s, body_speed, lever.time_s, lever_speed, middle_s, half_s, settings):
+        start = _Model(offset_s, 0.0, 0.0, (0.0, 0.0), (0.0, 0.0))
+        candidate = refined(start, middle_s - offset_s, half_s)
+        if candidate is not None and (found is None or candidate.share_left < found.share_left):
+            found = candidate
+    while found is not None and (middle_s - half_s > body.time_s[0] or middle_s + half_s < body.time_s[-1]):
+        half_s *= 4.0
+        found = refined(found.model, found.fit.reference_s, half_s)
+    return found.fit if found is not None and found.fit.is_found else None
+
+
+def _liveliest(time_s: FloatArray, speed: FloatArray, chunk_s: float) -> tuple[float, float]:
+    """The middle and half length of the stretch with the most motion."""
+    if time_s[-1] - time_s[0] <= chunk_s:
+        return float(time_s[0] + time_s[-1]) / 2, chunk_s / 2
+    energy = np.concatenate([[0.0], np.cumsum(speed**2)])
+    end = np.searchsorted(time_s, time_s + chunk_s)
+    start = int(np.argmax(energy[end] - energy[:-1]))
+    return float(time_s[start]) + chunk_s / 2, chunk_s / 2
+
+
+def _coarse_offsets(
+    body_time_s: FloatArray,
+    body_speed: FloatArray,
+    lever_time_s: FloatArray,
+    lever_speed: FloatArray,
+    middle_s: float,
+    half_s: float,
+    settings: ClockSettings,
+) -> list[float]:
+    """The lags at which the two speeds agree best, to a bin: one, or more when others come near it.
+
+    All lags are tried; a plausible one is preferred unless another agrees clearly better.
+    """
+    bin_s = settings.coarse_bin_s
+    a = _changes(body_time_s, body_speed, settings)
+    b = _changes(lever_time_s, lever_speed, settings)
+    centres = body_time_s[0] + (np.arange(a.size) + 1.0) * bin_s
+    a = np.where(np.abs(centres - middle_s) <= half_s, a, 0.0)
+    power = float(np.sqrt((a @ a) * (b @ b)))
+    if power == 0.0:
+        return []
+    size = 1 << int(a.size + b.size).bit_length()
+    agreement = np.fft.irfft(np.conj(np.fft.rfft(b, size)) * np.fft.rfft(a, size), size) / power
+    lags = np.arange(size)
+    offsets = body_time_s[0] - lever_time_s[0] + np.where(lags > size // 2, lags - size, lags) * bin_s
+    is_peak = (agreement >= np.roll(agreement, 1)) & (agreement >= np.roll(agreement, -1))
+    agreement = np.where(np.abs(offsets) <= settings.max_offset_s, agreement + settings.near_preference, agreement)
+    peaks = np.flatnonzero(is_peak & (agreement > settings.peak_share * agreement.max()))
+    best_first = peaks[np.argsort(-agreement[peaks], kind="stable")]
+    return [float(offset) for offset in offsets[best_first[: settings.max_peaks]]]
+
+
+def _changes(time_s: FloatArray, speed: FloatArray, settings: ClockSettings) -> FloatArray:
+    """Change of the logarithm of the mean speed from bin to bin: the lever's own strokes do not outshout the rest.
+
+    The bins' sums come from the running integral, so any rate will do.
+    """
+    area = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time_s))])
+    edges = np.arange(time_s[0], time_s[-1], settings.coarse_bin_s)
+    means = np.diff(np.interp(edges, time_s, area)) / settings.coarse_bin_s
+    return np.diff(np.log(settings.faint_rad_s + means))
+
+
+def _refine(
+    body: _Rates,
+    lever: _Rates,
+    chosen: IntArray,
+    model: _Model,
+    reference_s: float,
+    settings: ClockSettings,
+    *,
+    lever_moves: bool,
+) -> _Fitted | None:
+    """Gauss-Newton from `model` on the chosen samples of the lever; `None` when there are too few."""
+    time_s, gyr_lever = lever.time_s[chosen], lever.gyr_rad_s[chosen]
+    since = time_s - reference_s
+    sd_axis = settings.sd_axis_rad
+    sd = np.array([np.inf, settings.sd_drift, settings.sd_scale, sd_axis, sd_axis, sd_axis, sd_axis])
+    prior = np.diag(sd[: 7 if lever_moves else 3] ** -2.0)
+    for _ in range(settings.n_iterations):
+        rate, change, is_inside = _interpolated(body, time_s + model.offset_s + model.drift * since)
+        if np.count_nonzero(is_inside) < settings.min_samples:
+            return None
+        here, towards, along = _length(rate, model.axis_body if lever_moves else None)
+        there, towards_lever, along_lever = _length(gyr_lever, model.axis_lever if lever_moves else None)
+        slope = np.einsum("ij,ij->i", towards, change)
+        columns = [slope, slope * since, here]
+        at = [model.offset_s, model.drift, model.scale]
+        if lever_moves:
+            columns += [-along * towards[:, 1], -along * towards[:, 2]]
+            columns += [along_lever * towards_lever[:, 1], along_lever * towards_lever[:, 2]]
+            at += [*model.axis_body, *model.axis_lever]
+        design = np.stack(columns, axis=1)
+        residual = there - (1.0 + model.scale) * here
+        weight = _weights(residual, here, is_inside, settings)
+        weighted = design * weight[:, None]
+        normal = weighted.T @ design + prior
+        step = np.linalg.solve(normal, weighted.T @ residual - prior @ np.array(at))
+        step[0] = np.clip(step[0], -settings.max_step_s, settings.max_step_s)
+        model = model.moved(step)
+        if abs(step[0]) < settings.converged_s:
+            break
+    residual = residual - design @ step
+    inverse = np.linalg.inv(normal)
+    block = np.floor(time_s - time_s[0]).astype(np.int64)
+    scores = np.stack([np.bincount(block, column * residual) for column in weighted.T], axis=1)
+    covariance = inverse @ (scores.T @ scores + prior) @ inverse
+    sd_offset, sd_drift = np.sqrt(np.diag(covariance))[:2]
+    variance = np.average((there - np.average(there, weights=weight)) ** 2, weights=weight)
+    left = np.average(residual**2, weights=weight)
+    noise = min(np.hypot(body.noise_rad_s, lever.noise_rad_s), settings.sd_noise_rad_s)
+    agreed = np.sum(slope[weight > 0.0] ** 2) / np.sum(slope[is_inside] ** 2)
+    is_close = left <= min(settings.max_share_left * variance + noise**2, settings.max_share_noise * variance)
+    fit = ClockFit(
+        offset_s=model.offset_s,
+        drift=model.drift,
+        reference_s=reference_s,
+        sd_offset_s=float(np.hypot(sd_offset, settings.sd_floor_s)),
+        sd_drift=float(sd_drift),
+        is_found=bool(is_close and sd_offset <= settings.max_sd_offset_s and agreed >= settings.min_agreed),
+    )
+    return _Fitted(model, fit, float(left / variance))
+
+
+def _weights(residual: FloatArray, here: FloatArray, is_inside: BoolArray, settings: ClockSettings) -> FloatArray:
+    """Tukey's weights over the variance: sensor noise, a share of the speed, and nothing for the lever's own motion."""
+    spread = 1.4826 * float(np.median(np.abs(residual[is_inside])))
+    variance = max(spread, settings.sd_noise_rad_s) ** 2 + (settings.sd_scale * here) ** 2
+    beyond = residual**2 / (settings.tukey**2 * variance)
+    return np.where(is_inside, np.maximum(1.0 - beyond, 0.0) ** 2 / variance, 0.0)
+
+
+def _length(rate: FloatArray, axis_yz: tuple[float, float] | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Length (n,) and direction (n, 3) of the rate, or of its part across an axis, and the part along the axis (n,)."""
+    along = np.zeros(rate.shape[0])
+    across = rate
+    if axis_yz is not None:
+        axis = np.array([1.0, *axis_yz])
+        axis /= np.linalg.norm(axis)
+        along = rate @ axis
+        across = rate - along[:, None] * axis
+    length = np.sqrt(np.einsum("ij,ij->i", across, across)) + 1e-9
+    return length, across / length[:, None], along
+
+
+def _interpolated(body: _Rates, at: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """The body's rate (n, 3) and its change at any times, by cubics (Catmull-Rom, uneven times), and where it is known.
+
+    The vectors are interpolated, not their lengths: the length has a corner where the motion turns back.
+    """
+    time_s, gyr = body.time_s, body.gyr_rad_s
+    index = np.clip(np.searchsorted(time_s, at, side="right") - 1, 1, time_s.size - 3)
+    t_0, t_1, t_2, t_3 = (time_s[index + k] for k in (-1, 0, 1, 2))
+    v_0, v_1, v_2, v_3 = (gyr[index + k] for k in (-1, 0, 1, 2))
+    h = (t_2 - t_1)[:, None]
+    tangent_1 = (v_2 - v_0) * (h / (t_2 - t_0)[:, None])
+    tangent_2 = (v_3 - v_1) * (h / (t_3 - t_1)[:, None])
+    u = (at - t_1)[:, None] / h
+    rise = v_2 - v_1
+    c_2 = 3.0 * rise - 2.0 * tangent_1 - tangent_2
+    c_3 = tangent_1 + tangent_2 - 2.0 * rise
+    rate = v_1 + u * (tangent_1 + u * (c_2 + u * c_3))
+    change = (tangent_1 + u * (2.0 * c_2 + 3.0 * u * c_3)) / h
+    is_inside = (u[:, 0] >= 0.0) & (u[:, 0] <= 1.0) & body.is_good[index] & body.is_good[index + 1]
+    return rate, change, is_inside
