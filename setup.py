@@ -7,7 +7,6 @@ kernel = Extension(
     "inhalemon._attitude_kernel",
     ["inhalemon/_attitude_kernel.py"],
     extra_compile_args=["-O3", "-ffp-contract=off"],
-    optional=True,
 )
 
 
@@ -25,6 +24,8 @@ def extensions() -> list[Extension]:
         "initializedcheck": False,
     }
     built: list[Extension] = cythonize([kernel], compiler_directives=directives)
+    for extension in built:
+        extension.optional = True  # said here, because cythonize makes new extensions and forgets it
     return built
 
 

@@ -19,7 +19,7 @@ from inhalemon.rotation import as_matrix
 from inhalemon.settings import LeverSettings
 from inhalemon.values import AttitudeTrack, FloatArray, IntArray
 
-_SAMPLES_PER_BLOCK = 10  # enough to follow a hand within 0.2 s; more only cost time
+_SAMPLES_PER_BLOCK = 5  # enough to follow a hand within 0.2 s; more only cost time
 
 
 @dataclass(frozen=True, slots=True)

@@ -121,6 +121,12 @@ def from_two_vectors(v_a: FloatArray, v_b: FloatArray) -> FloatArray:
     return normalise(np.where(cosine < -1.0 + 1e-12, half_turn, turned))
 
 
+def up_in(q_ref_body: FloatArray) -> FloatArray:
+    """The room's vertical in the body's frame."""
+    w, x, y, z = np.moveaxis(np.asarray(q_ref_body), -1, 0)
+    return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1)
+
+
 def tilt_from_upright(q_ref_body: FloatArray) -> FloatArray:
     """Angle in [0, pi] between the body's z axis and the room's."""
     _, x, y, _ = np.moveaxis(np.asarray(q_ref_body), -1, 0)

@@ -193,11 +193,10 @@ class Calibration:
     """What turns the two attitudes into the lever's angle; arrays, because while recording it is learned as it goes."""
 
     axis_body: FloatArray  # (n, 3) the hinge, a unit vector in the body's frame
-    axis_lever: FloatArray  # (n, 3) the same line in the lever's frame
+    q_shut: FloatArray  # (n, 4) q_body_lever of the shut lever: how the two frames were mounted
+    sd_shut_rad: FloatArray  # (n,) of its turn about the hinge
     heading_rad: FloatArray  # (n,) turns the lever's room into the body's, about z
     sd_heading_rad: FloatArray  # (n,)
-    zero_rad: FloatArray  # (n,) the twist at which the lever is shut
-    sd_zero_rad: FloatArray  # (n,)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from inhalemon import __version__
-from inhalemon.cli import evaluate, serve
+from inhalemon.cli import calibrate, evaluate, serve, simulate, track
 from inhalemon.cli.failures import NOBODY_READS, told
 from inhalemon.exceptions import InhalemonError
 
@@ -40,8 +40,8 @@ def inhalemon(
     """How an inhaler was used, from two small inertial sensors. Decision support for trained staff."""
 
 
-evaluate.add_to(app)
-serve.add_to(app)
+for _verb in (simulate, evaluate, track, calibrate, serve):
+    _verb.add_to(app)
 
 
 def run(arguments: Sequence[str] | None = None) -> int:

@@ -6,7 +6,7 @@ from typing import Final
 
 import typer
 
-from inhalemon.exceptions import DeviceError, LabelsError, RecordingError, RulesError, SettingsError
+from inhalemon.exceptions import DeviceError, LabelsError, RecordingError, RulesError, SettingsError, SimulationError
 
 USAGE: Final = 2
 UNUSABLE_RECORDING: Final = 3
@@ -19,6 +19,7 @@ EXIT_CODES: Final[tuple[tuple[type[Exception], int], ...]] = (
     (RulesError, BAD_SETTINGS),
     (DeviceError, BAD_SETTINGS),
     (LabelsError, USAGE),
+    (SimulationError, USAGE),
     (OSError, USAGE),
 )
 

@@ -24,10 +24,13 @@ def sources(paths: Iterable[str]) -> list[Source]:
     What is named is taken whatever its suffix; a sidecar or a `*.truth.json` is never a recording of its own.
     Raises `FileNotFoundError` for a folder without recordings.
     """
+    from inhalemon.recording.layout import MAX_UNPACKED_BYTES
+
     found: dict[str, Source] = {}
     for path in paths:
         if path == STANDARD_INPUT:
-            found[path] = Source(path, sys.stdin.buffer.read())
+            # One byte more than a recording may have, so that the reader sees what is too large.
+            found[path] = Source("stdin", sys.stdin.buffer.read(MAX_UNPACKED_BYTES + 1))
         elif os.path.isdir(path):
             inside = {name: Source(name) for name in _walked(path)}
             if not inside:

@@ -6,10 +6,10 @@ import itertools
 
 import numpy as np
 
-from inhalemon.hinge import Blocks, Heading, fit_axes, heading_difference
-from inhalemon.rotation import about_z, conjugate, from_two_vectors, multiply, split_twist
+from inhalemon.hinge import Blocks, fit_axes, heading_difference
+from inhalemon.rotation import about_z, conjugate, from_rotation_vector, from_two_vectors, multiply, split_twist
 from inhalemon.settings import LeverSettings
-from inhalemon.values import AttitudeTrack, Calibration, FloatArray
+from inhalemon.values import AttitudeTrack, Calibration, FloatArray, IntArray
 
 
 def calibrate(
@@ -40,47 +40,35 @@ def calibrate(
     if settings.smooth:
         axis_body, axis_lever = fit_axes(blocks, axis, settings)
         heading = heading_difference(blocks, axis_body, axis_lever, settings, smooth=True)
-        heading_rad = np.interp(time_s, blocks.time_s, heading.rad)
-        sd_heading_rad = np.interp(time_s, blocks.time_s, heading.sd_rad)
-        zero_rad, sd_zero_rad = 0.0, 0.0
+        q_shut, sd_shut_rad = from_two_vectors(axis_body, axis_lever), 0.0
         if has_shut_state:
-            zero_rad, sd_zero_rad = _shut_angle(body, lever, blocks, axis_body, axis_lever, heading, settings)
+            q_shut, sd_shut_rad = _shut(body, lever, blocks.first, heading.rad, axis_body, q_shut, settings)
         return Calibration(
             axis_body=np.broadcast_to(axis_body, (n, 3)),
-            axis_lever=np.broadcast_to(axis_lever, (n, 3)),
-            heading_rad=heading_rad,
-            sd_heading_rad=sd_heading_rad,
-            zero_rad=np.full(n, zero_rad),
-            sd_zero_rad=np.full(n, sd_zero_rad),
+            q_shut=np.broadcast_to(q_shut, (n, 4)),
+            sd_shut_rad=np.broadcast_to(sd_shut_rad, n),
+            heading_rad=np.interp(time_s, blocks.time_s, heading.rad),
+            sd_heading_rad=np.interp(time_s, blocks.time_s, heading.sd_rad),
         )
-    result = Calibration(
-        axis_body=np.empty((n, 3)),
-        axis_lever=np.empty((n, 3)),
-        heading_rad=np.empty(n),
-        sd_heading_rad=np.empty(n),
-        zero_rad=np.zeros(n),
-        sd_zero_rad=np.zeros(n),
-    )
+    result = Calibration(np.empty((n, 3)), np.empty((n, 4)), np.empty(n), np.empty(n), np.empty(n))
     ends = np.append(blocks.first[1:], n)
     for begin, end in _doubling(len(blocks), settings.first_fit_blocks):
-        past = blocks[:begin]
-        axis_body, axis_lever = fit_axes(past, axis, settings) if begin else (axis, axis)
+        axis_body, axis_lever = fit_axes(blocks[:begin], axis, settings) if begin else (axis, axis)
         heading = heading_difference(blocks[:end], axis_body, axis_lever, settings, smooth=False)
+        q_shut, sd_shut_rad = from_two_vectors(axis_body, axis_lever), settings.sd_zero_rad * has_shut_state
+        if has_shut_state and begin:
+            past = blocks.first[:begin]
+            q_shut, sd_shut_rad = _shut(body, lever, past, heading.rad[:begin], axis_body, q_shut, settings)
         part = slice(int(blocks.first[begin]), int(ends[end - 1]))
         result.axis_body[part] = axis_body
-        result.axis_lever[part] = axis_lever
+        result.q_shut[part] = q_shut
+        result.sd_shut_rad[part] = sd_shut_rad
         # Inside a block only the blocks before it are known; inside the first, only the very first sample.
         block = np.repeat(np.arange(begin, end), ends[begin:end] - blocks.first[begin:end])
         before = np.maximum(block - 1, 0)
         ahead = np.where(block > 0, time_s[part] - blocks.time_s[before], 0.0)
         result.heading_rad[part] = heading.rad[before] + heading.rate_rad_s[before] * ahead
         result.sd_heading_rad[part] = heading.sd_rad[before]
-        if has_shut_state and begin:
-            past_heading = Heading(heading.rad[:begin], heading.rate_rad_s[:begin], heading.sd_rad[:begin])
-            zero = _shut_angle(body, lever, past, axis_body, axis_lever, past_heading, settings)
-            result.zero_rad[part], result.sd_zero_rad[part] = zero
-        elif has_shut_state:
-            result.sd_zero_rad[part] = settings.sd_zero_rad
     return result
 
 
@@ -92,24 +80,22 @@ def _doubling(n_blocks: int, first: int) -> list[tuple[int, int]]:
     return list(itertools.pairwise(edges))
 
 
-def _shut_angle(
+def _shut(
     body: AttitudeTrack,
     lever: AttitudeTrack,
-    blocks: Blocks,
+    at: IntArray,
+    heading_rad: FloatArray,
     axis_body: FloatArray,
-    axis_lever: FloatArray,
-    heading: Heading,
+    q_aligned: FloatArray,
     settings: LeverSettings,
-) -> tuple[float, float]:
-    """The twist of the shut lever and its standard deviation, both in rad.
+) -> tuple[FloatArray, float]:
+    """`q_body_lever` of the shut lever, and the standard deviation of its turn about the hinge in rad.
 
     Shut is the smallest angle that the lever keeps for a while and that mounting alone can explain. Where there is none
-    (always open, or never still), zero is the frames' own, and the standard deviation says that it was not seen.
+    (always open, or never still), it is `q_aligned`, the frames' own zero, and the deviation says that it was not seen.
     """
-    middle = blocks.first
-    q_lever = multiply(about_z(heading.rad), lever.q[middle])
-    q_body_lever = multiply(conjugate(body.q[middle]), q_lever)
-    twist, _ = split_twist(multiply(q_body_lever, conjugate(from_two_vectors(axis_body, axis_lever))), axis_body)
+    q_body_lever = multiply(conjugate(body.q[at]), multiply(about_z(heading_rad), lever.q[at]))
+    twist, _ = split_twist(multiply(q_body_lever, conjugate(q_aligned)), axis_body)
     change = np.abs(np.diff(twist, prepend=twist[0]))
     is_kept = (change < settings.max_shut_change_rad) & (np.roll(change, -1) < settings.max_shut_change_rad)
     kept = np.sort(twist[is_kept & (np.abs(twist) < settings.max_zero_rad)])
@@ -117,11 +103,10 @@ def _shut_angle(
     n_near = np.searchsorted(kept, kept + width, side="right") - np.arange(kept.size)
     n_wanted = settings.min_shut_s / settings.block_s
     if kept.size == 0 or n_near.max() < n_wanted:
-        return 0.0, settings.sd_zero_rad
+        return q_aligned, settings.sd_zero_rad
     lowest = int(np.argmax(n_near >= max(n_wanted, settings.min_shut_share * n_near.max())))
-    near = kept[lowest : lowest + n_near[lowest]]
-    middle_rad = float(np.median(near))
+    middle_rad = float(np.median(kept[lowest : lowest + n_near[lowest]]))
     near = kept[np.abs(kept - middle_rad) < width / 2]
-    return float(np.mean(near)), float(
-        np.std(near) / np.sqrt(near.size * settings.block_s / settings.axis_memory_s + 1)
-    )
+    n_independent = 1.0 + near.size * settings.block_s / settings.axis_memory_s
+    q_shut = multiply(from_rotation_vector(np.mean(near) * axis_body), q_aligned)
+    return q_shut, float(np.std(near) / np.sqrt(n_independent))

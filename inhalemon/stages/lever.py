@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from inhalemon.rotation import about_z, conjugate, from_two_vectors, multiply, rotate, split_twist
+from inhalemon.rotation import about_z, conjugate, multiply, split_twist, up_in
 from inhalemon.values import AttitudeTrack, Calibration, LeverTrack
 
 
@@ -22,12 +22,10 @@ def lever_angle(body: AttitudeTrack, lever: AttitudeTrack, calibration: Calibrat
     """
     q_lever = multiply(about_z(calibration.heading_rad), lever.q)
     q_body_lever = multiply(conjugate(body.q), q_lever)
-    q_aligned = from_two_vectors(calibration.axis_body, calibration.axis_lever)
-    twist, off_axis = split_twist(multiply(q_body_lever, conjugate(q_aligned)), calibration.axis_body)
-    angle = np.unwrap(twist) - calibration.zero_rad
-    angle = angle - 2.0 * np.pi * np.round(angle[0] / (2.0 * np.pi))
+    q_opened = multiply(q_body_lever, conjugate(calibration.q_shut))
+    twist, off_axis = split_twist(q_opened, calibration.axis_body)
 
-    upright = rotate(body.q, calibration.axis_body)[:, 2] ** 2
+    upright = np.sum(up_in(body.q) * calibration.axis_body, axis=-1) ** 2
     tilt = body.sd_tilt_rad**2 + lever.sd_tilt_rad**2
-    variance = upright * calibration.sd_heading_rad**2 + (1.0 - upright) * tilt + calibration.sd_zero_rad**2
-    return LeverTrack(time_s=body.time_s, angle_rad=angle, sd_rad=np.sqrt(variance), off_axis_rad=off_axis)
+    variance = upright * calibration.sd_heading_rad**2 + (1.0 - upright) * tilt + calibration.sd_shut_rad**2
+    return LeverTrack(time_s=body.time_s, angle_rad=np.unwrap(twist), sd_rad=np.sqrt(variance), off_axis_rad=off_axis)
