@@ -30,5 +30,10 @@ def told(error: Exception) -> int:
         sentence = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     else:
         sentence = str(error)
-    typer.echo("inhalemon: " + " ".join(sentence.split()), err=True)
+    tell(sentence)
     return next(code for kind, code in EXIT_CODES if isinstance(error, kind))
+
+
+def tell(sentence: str) -> None:
+    """Print one line on stderr."""
+    typer.echo("inhalemon: " + " ".join(sentence.split()), err=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -12,8 +12,12 @@ from inhalemon.exceptions import RecordingError
 
 if TYPE_CHECKING:
     from inhalemon.devices import Device
+    from inhalemon.rules import RuleSet
     from inhalemon.settings import Settings
     from inhalemon.values import Recording
+
+
+Form = Literal["table", "json", "jsonl", "csv"]
 
 
 def _device_names(incomplete: str) -> list[str]:
@@ -35,6 +39,9 @@ DeviceOption = Annotated[
         autocompletion=_device_names,
     ),
 ]
+RulesOption = Annotated[
+    str, typer.Option("--rules", metavar="F", help="default, strict, or a file (.toml) that changes or adds rules.")
+]
 SettingsOption = Annotated[
     Path | None, typer.Option("--settings", metavar="F", help="Settings (.toml); what it leaves out keeps its default.")
 ]
@@ -50,6 +57,13 @@ def device_of(name: str | None) -> Device | None:
         wanted = ", ".join(device_names())
         raise typer.BadParameter(f"{name!r} is none of {wanted}, and no .toml profile", param_hint="--device")
     return load_device(name)
+
+
+def rules_of(name: str) -> RuleSet:
+    """The rules that `--rules` names. Raises `RulesError`."""
+    from inhalemon.rules import load_rules
+
+    return load_rules(name)
 
 
 def settings_of(path: Path | None) -> Settings:

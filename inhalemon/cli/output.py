@@ -5,14 +5,16 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
 PIPED_WIDTH = 120
+Result = TypeVar("Result")
 
 
 def write(text: str | bytes, out: Path | None) -> None:
@@ -41,12 +43,15 @@ def write_whole(data: bytes, path: Path) -> None:
         raise
 
 
-def console(*, stderr: bool = False) -> Console:
-    """A rich console; plain and of a fixed width when its stream is no terminal, without colours under NO_COLOR."""
+def console(*, stderr: bool = False, is_file: bool = False) -> Console:
+    """A rich console; plain and of a fixed width when what it writes is for no terminal, uncoloured under NO_COLOR."""
     from rich.console import Console
 
     stream = sys.stderr if stderr else sys.stdout
-    return Console(stderr=stderr, highlight=False, width=None if stream.isatty() else PIPED_WIDTH)
+    is_terminal = stream.isatty() and not is_file
+    return Console(
+        stderr=stderr, highlight=False, force_terminal=is_terminal or None, width=None if is_terminal else PIPED_WIDTH
+    )
 
 
 def table(title: str, *columns: str) -> Table:
@@ -58,3 +63,19 @@ def table(title: str, *columns: str) -> Table:
     for number, column in enumerate(columns):
         made.add_column(column, justify="right" if number else "left", no_wrap=True)
     return made
+
+
+def progress(results: Iterable[Result], *, n_done: int, n: int) -> Iterator[Result]:
+    """The results as they come, with a bar on stderr while it is a terminal."""
+    if n <= 1 or not sys.stderr.isatty():
+        yield from results
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("scoring"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    # Lines told meanwhile go through the bar, so that neither overwrites the other.
+    with Progress(*columns, console=console(stderr=True), transient=True) as bar:
+        task = bar.add_task("scoring", total=n, completed=n_done)
+        for result in results:
+            yield result
+            bar.advance(task)

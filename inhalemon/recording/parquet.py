@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
@@ -48,6 +49,15 @@ def read_parquet(source: BinaryIO, *, file: str) -> tuple[bytes | None, Iterator
         raise too_large(file)
     sidecar = (schema.metadata or {}).get(PARQUET_KEY)
     return sidecar, _batches(pa, table, columns, file)
+
+
+def embedded_sidecar(path: Path) -> bytes | None:
+    """The sidecar's JSON in a Parquet file's footer, if it has one. Raises `RecordingError`."""
+    pa, pq = _pyarrow(str(path))
+    try:
+        return (pq.read_schema(path).metadata or {}).get(PARQUET_KEY)
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise _broken(str(path), error) from error
 
 
 def write_parquet(

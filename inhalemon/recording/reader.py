@@ -36,7 +36,7 @@ def read_recording(path: str | Path, *, device: DeviceKind | str | None = None) 
     path = Path(path)
     try:
         with path.open("rb") as stream:
-            return _read(stream, name=str(path), sidecar=_sidecar_beside(path), device=device)
+            return _read(stream, name=str(path), sidecar=sidecar_beside(path), device=device)
     except OSError as error:
         raise _unreadable(str(path), error) from error
 
@@ -131,7 +131,8 @@ def _track(raw: RawSensor, info: SensorInfo) -> ImuTrack:
     )
 
 
-def _sidecar_beside(path: Path) -> Sidecar | None:
+def sidecar_beside(path: Path) -> Sidecar | None:
+    """The sidecar `<stem>.json` of a recording file, if there is one. Raises `RecordingError`."""
     beside = path.with_name(stem_of(path.name) + ".json")
     if not beside.is_file():
         return None
