@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from inhalemon.exceptions import InhalemonError
-from inhalemon.measures import unit_of
+from inhalemon.measures import INTERNAL_MEASURES, unit_of
 from inhalemon.report.words import DISCLAIMER, GRADES, in_words, number
 from inhalemon.values import Finding, Grade, Report, Severity, Verdict
 
@@ -109,6 +109,8 @@ def _measures(report: Report) -> Table:
     for column in ("measure", "value", "± sd", ""):
         table.add_column(column, justify="right" if column in ("value", "± sd") else "left")
     for name, measure in report.measures.items():
+        if name in INTERNAL_MEASURES:
+            continue
         unit = unit_of(name)
         why = in_words(measure.reason) if measure.value is None and measure.reason else ""
         table.add_row(name, number(measure.value, unit), number(measure.sd, unit), Text(why, "dim"))

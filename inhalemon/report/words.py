@@ -10,7 +10,7 @@ DISCLAIMER: Final = (
     "Decision support for trained staff; not a medical device. It never tells a patient to change treatment."
 )
 INFERRED: Final = (
-    "The phases `exhale` and `breath hold` are inferred from stillness: the sensors see the inhaler, not the breath."
+    "The phases “exhale” and “breath hold” are inferred from stillness: the sensors see the inhaler, not the breath."
 )
 GRADES: Final = {
     Grade.CORRECT: "correct",

@@ -1,0 +1,225 @@
+"""One self-contained HTML page a session: curves, phases, presses, findings, and what could not be assessed.
+
+The page opens offline and asks nothing of any network: its own policy forbids it. Without scripts it still shows
+everything; the one script zooms, pans and reads values.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import re
+from collections.abc import Sequence
+from html import escape
+from importlib import resources
+from typing import Final
+
+from inhalemon.measures import INTERNAL_MEASURES, MEASURES, unit_of
+from inhalemon.report.curves import Panel
+from inhalemon.report.plot import PLOT_HEIGHT, nice_step, panel_html
+from inhalemon.report.words import DISCLAIMER, GRADES, INFERRED, in_words, number
+from inhalemon.values import DeviceKind, Dose, Event, Finding, Phase, Report, Score, Verdict
+
+_DEVICES: Final = {
+    DeviceKind.PMDI: "pressurised inhaler (pMDI)",
+    DeviceKind.ELLIPTA: "Ellipta dry-powder inhaler",
+    DeviceKind.HINGE: "hinged pair",
+}
+_HEADINGS: Final = (
+    (Verdict.FAIL, "Mistakes"),
+    (Verdict.INDETERMINATE, "Undecided"),
+    (Verdict.NOT_ASSESSABLE, "Could not be assessed"),
+    (Verdict.PASS, "In order"),
+)
+_KEYS: Final = "Curves. Arrow keys move, plus and minus zoom, 0 shows all."
+_N_TIME_TICKS: Final = 8
+_PLACE: Final = re.compile(r"\{\{([a-z_]+)\}\}")
+
+
+def session_page(report: Report, panels: Sequence[Panel] = ()) -> str:
+    """The page of one session, whole, as HTML; `panels` are its curves (see `curves.session_panels`)."""
+    script = _template("page.js")
+    start_s, end_s = _extent(report, panels)
+    places = {
+        "policy": escape(content_security_policy()),
+        "style": _template("page.css"),
+        "script": script,
+        "title": escape(report.session_id),
+        "device": escape(_DEVICES[report.device]),
+        "duration": f"{report.duration_s:.1f} s",
+        "score": _score(report.score),
+        "disclaimer": escape(DISCLAIMER),
+        "warnings": _warnings(report),
+        "curves": _curves(report, panels, start_s, end_s),
+        "findings": _doses(report),
+        "measures": _measures(report),
+        "versions": escape(
+            f"inhalemon pipeline {report.pipeline_version}, settings {report.settings_digest[:12]}, "
+            f"rules {report.rules_digest[:12]}"
+        ),
+    }
+    return _PLACE.sub(lambda place: places[place[1]], _template("page.html"))
+
+
+def content_security_policy() -> str:
+    """The policy under which the page works: its own script and style, and no request at all."""
+    digest = hashlib.sha256(_template("page.js").encode()).digest()
+    script = base64.b64encode(digest).decode()
+    rules = ("default-src 'none'", "style-src 'unsafe-inline'", f"script-src 'sha256-{script}'")
+    return "; ".join((*rules, "base-uri 'none'", "form-action 'none'"))
+
+
+def _template(name: str) -> str:
+    return resources.files("inhalemon.report").joinpath(f"templates/{name}").read_text(encoding="utf-8")
+
+
+def _extent(report: Report, panels: Sequence[Panel]) -> tuple[float, float]:
+    times = [float(time) for panel in panels for curve in panel.curves for time in curve.time_s[[0, -1]]]
+    times += [time for phase in report.phases for time in (phase.start_s, phase.end_s)]
+    return (min(times), max(times)) if times and max(times) > min(times) else (0.0, max(report.duration_s, 1.0))
+
+
+def _score(score: Score) -> str:
+    return (
+        f'<p class="score {score.grade}"><strong>{escape(GRADES[score.grade])}</strong>'
+        f" <span>{score.points} of 100 points</span></p>"
+    )
+
+
+def _warnings(report: Report) -> str:
+    lines = [f"<li><b>{escape(in_words(flag.code))}</b> {escape(flag.detail)}</li>" for flag in report.quality.flags]
+    if not report.quality.usable:
+        lines.insert(0, "<li><b>Not usable:</b> attitude or angle cannot be trusted in this session.</li>")
+    return f'<section class="warnings"><h2>Doubtful</h2><ul>{"".join(lines)}</ul></section>' if lines else ""
+
+
+# ---------------------------------------------------------------------------------------------------------- curves
+
+
+def _curves(report: Report, panels: Sequence[Panel], start_s: float, end_s: float) -> str:
+    if not panels and not report.phases:
+        return "<p>No curves.</p>"
+    span_s = end_s - start_s
+    kinds = dict.fromkeys(phase.kind for phase in report.phases)
+    legend = "".join(f'<li><i class="{kind}"></i>{escape(in_words(kind))}</li>' for kind in kinds)
+    plots = "".join(panel_html(panel, report.phases, report.events, start_s, end_s) for panel in panels)
+    step_s = nice_step(span_s / _N_TIME_TICKS)
+    first = -(-start_s // step_s)
+    ticks = [step_s * (first + i) for i in range(int(span_s / step_s) + 1) if step_s * (first + i) <= end_s]
+    axis = "".join(f'<span style="left:{_percent(t, start_s, span_s)}">{t:g} s</span>' for t in ticks)
+    return (
+        f'<div id="plots" tabindex="0" role="group" aria-label="{_KEYS}"'
+        f' data-start="{start_s:.3f}" data-end="{end_s:.3f}" data-height="{PLOT_HEIGHT:g}">'
+        f'<div class="row"><span class="label">phases</span><div class="strip phases">'
+        f"{''.join(_band(phase, start_s, span_s) for phase in report.phases)}</div></div>"
+        f'<div class="row"><span class="label">events</span><div class="strip events">'
+        f"{''.join(_mark(event, start_s, span_s) for event in report.events)}</div></div>"
+        f'{plots}<div class="row"><span class="label"></span><div class="strip axis">{axis}</div></div></div>'
+        f'<p class="keys"><output id="cursor">Drag to zoom; arrow keys move, + and − zoom, 0 shows all.</output> '
+        f'<button type="button" id="all" hidden>Show all</button></p>'
+        f'<ul class="legend">{legend}</ul><p class="note">{escape(INFERRED)}</p>'
+    )
+
+
+def _percent(time_s: float, start_s: float, span_s: float) -> str:
+    return f"{100 * (time_s - start_s) / span_s:.3f}%"
+
+
+def _band(phase: Phase, start_s: float, span_s: float) -> str:
+    words = f"{in_words(phase.kind)}, {phase.start_s:.2f} to {phase.end_s:.2f} s, confidence {phase.confidence:.2f}"
+    left, width = _percent(phase.start_s, start_s, span_s), _percent(phase.end_s - phase.start_s, 0.0, span_s)
+    return (
+        f'<span class="{phase.kind}" style="left:{left};width:{width}" title="{escape(words)}"'
+        f' data-start="{phase.start_s:.3f}" data-end="{phase.end_s:.3f}">{escape(in_words(phase.kind))}</span>'
+    )
+
+
+def _mark(event: Event, start_s: float, span_s: float) -> str:
+    name = in_words(event.kind)
+    words = (
+        f"{name}, {event.start_s:.2f} to {event.end_s:.2f} s, end stop at {event.peak_s:.2f} s, {event.angle_deg:.1f}°"
+    )
+    return (
+        f'<span class="{event.kind}" style="left:{_percent(event.start_s, start_s, span_s)}" title="{escape(words)}"'
+        f' data-start="{event.start_s:.3f}">{escape(name)} {event.angle_deg:.0f}°</span>'
+    )
+
+
+# -------------------------------------------------------------------------------------------------------- findings
+
+
+def _doses(report: Report) -> str:
+    if len(report.doses) <= 1:
+        return _findings(report.findings, "h2")
+    note = f"<p>{len(report.doses)} doses were taken. The score above holds the worst verdict of each rule.</p>"
+    return note + "".join(_dose(i, dose) for i, dose in enumerate(report.doses, start=1))
+
+
+def _dose(i: int, dose: Dose) -> str:
+    span = f"{dose.start_s:.1f} to {dose.end_s:.1f} s"
+    return (
+        f'<section class="dose"><h2>Dose {i} <small>{span}</small></h2>{_score(dose.score)}'
+        f"{_findings(dose.findings, 'h3')}</section>"
+    )
+
+
+def _findings(findings: Sequence[Finding], heading: str) -> str:
+    unseen = tuple(finding for finding in findings if finding.reason == "not_observable")
+    found = tuple(finding for finding in findings if finding.reason != "not_observable")
+    if not found and not unseen:
+        return "<p>This device has no rules.</p>"
+    parts = []
+    for verdict, title in _HEADINGS:
+        if verdict is Verdict.PASS:
+            parts.append(_unseen(unseen, heading))
+        items = [_finding(finding) for finding in found if finding.verdict is verdict]
+        if verdict is Verdict.FAIL and not items:
+            items = ["<li>None was found.</li>"]
+        if items:
+            count = f" <small>({len(items)})</small>" if verdict is Verdict.PASS else ""
+            parts.append(f'<{heading}>{title}{count}</{heading}><ul class="findings">{"".join(items)}</ul>')
+    return "".join(parts)
+
+
+def _unseen(findings: Sequence[Finding], heading: str) -> str:
+    lines = "".join(
+        f"<li>{escape(in_words(f.rule))}: <small>{escape(f.message.removeprefix('Not assessed: '))}</small></li>"
+        for f in findings
+    )
+    return f'<{heading}>Never seen by these sensors</{heading}><ul class="unseen">{lines}</ul>' if lines else ""
+
+
+def _finding(finding: Finding) -> str:
+    tag = str(finding.severity) if finding.verdict is Verdict.FAIL else finding.verdict.replace("_", " ")
+    name = escape(in_words(finding.rule))
+    if finding.start_s is not None and finding.end_s is not None:
+        span = f'data-start="{finding.start_s:.3f}" data-end="{finding.end_s:.3f}"'
+        name = f'<button type="button" {span} title="Show it in the curves">{name}</button>'
+    numbers = ""
+    if finding.value is not None:
+        numbers = f"<b>{number(finding.value, finding.unit)}</b>"
+        if finding.limit is not None:
+            numbers += f" <small>limit {number(finding.limit, finding.unit)}</small>"
+    words = escape(finding.message)
+    css = finding.severity if finding.verdict is Verdict.FAIL and finding.severity else finding.verdict
+    return (
+        f'<li class="{css}"><div><span class="tag">{escape(tag)}</span> {name} <span class="numbers">{numbers}</span>'
+        f"</div><p>{words}</p></li>"
+    )
+
+
+def _measures(report: Report) -> str:
+    rows = []
+    for name, measure in report.measures.items():
+        if name in INTERNAL_MEASURES:
+            continue
+        unit = unit_of(name)
+        sd = f"± {number(measure.sd, unit)}" if measure.sd is not None and measure.value is not None else ""
+        why = escape(in_words(measure.reason or "")) if measure.value is None else escape(MEASURES.get(name, ""))
+        css = ' class="why"' if measure.value is None else ""
+        cells = f"<td>{number(measure.value, unit)}</td><td>{sd}</td><td{css}>{why}</td>"
+        rows.append(f'<tr><th scope="row">{escape(name)}</th>{cells}</tr>')
+    if not rows:
+        return "<p>Nothing was measured.</p>"
+    head = '<tr><th scope="col">measure</th><th scope="col">value</th><th scope="col">sd</th><th scope="col"></th></tr>'
+    return f"<table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>"
