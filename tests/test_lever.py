@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,6 +16,7 @@ from inhalemon.signals import resample_attitude
 from inhalemon.stages.calibrate import calibrate
 from inhalemon.stages.lever import lever_angle
 from inhalemon.values import AttitudeTrack, FloatArray, LeverTrack
+from validation import hinge
 
 X = np.array([1.0, 0.0, 0.0])
 FINISHED = LeverSettings(smooth=True)
@@ -159,3 +163,32 @@ def test_attitudes_at_different_times_are_refused() -> None:
     body, lever = pair(TIME_S, cover(TIME_S, 95.0))
     with pytest.raises(ValueError, match="same times"):
         calibrate(body, resample_attitude(lever, TIME_S + 0.001), X, FINISHED)
+
+
+HINGE_DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "hinge"
+
+
+@pytest.mark.skipif(not HINGE_DATA.is_dir(), reason="the real hinge recordings (../shared/data/hinge) are not here")
+@pytest.mark.parametrize("is_finished", [True, False], ids=["finished", "under way"])
+def test_real_hinges_are_tracked_better_than_by_qmt_on_the_same_attitudes(is_finished: bool) -> None:
+    """DIODEM's optical truth, VQF's attitudes for both, qmt's headings from tests/authorities; the mean of 3 joints."""
+    kept = json.loads((Path(__file__).parent / "authorities" / "qmt_heading.json").read_text(encoding="utf-8"))
+    mode = "finished" if is_finished else "under way"
+    ours: list[float] = []
+    peer: dict[str, list[float]] = {"default": [], "tuned": []}
+    for joint in hinge.load_joints(HINGE_DATA):
+        if not joint.is_diodem:
+            continue
+        q = hinge.vqf_attitudes(joint, smooth=is_finished)
+        time_s = joint.recording.body.time_s
+        body, lever = attitude_track(time_s, q["body"]), attitude_track(time_s, q["lever"])
+        track = tracked(body, lever, LeverSettings(smooth=is_finished), has_shut_state=False)
+        ours.append(hinge.rmse_deg(joint, track.angle_rad))
+        for label, errors in peer.items():
+            heading = np.array(kept[f"{joint.name}/{mode}/{label}"])
+            heading_rad = np.interp(time_s, np.arange(heading.size) * kept["every_s"], heading)
+            angle = hinge.angle_about_x(q["body"], multiply(about_z(heading_rad), q["lever"]))
+            errors.append(hinge.rmse_deg(joint, angle))
+    assert np.mean(ours) < min(np.mean(errors) for errors in peer.values())
+    if is_finished:
+        assert np.mean(ours) < 0.35
