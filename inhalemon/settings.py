@@ -136,6 +136,33 @@ class PhaseSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class QualitySettings:
+    """From where on a recording is doubtful, and from where on it cannot be used."""
+
+    min_gap_s: float = 0.05  # fixed by the recording format
+    max_gap_share: float = 0.3  # of the session missing; beyond, unusable
+    max_gyr_saturated_share: float = 0.2
+    max_acc_saturated_share: float = 0.5
+    rate_block: int = 50  # samples whose median step is compared
+    max_rate_change: float = 0.1
+    max_stuck_share: float = 0.9
+    # Rest: two blocks in a row below both deviations, per axis; within `end_s` of the session's start or end.
+    rest_block_s: float = 0.25
+    max_rest_sd_rad_s: float = 0.0175  # 1 deg/s
+    max_rest_sd_m_s2: float = 0.3
+    end_s: float = 3.0
+    max_gravity_excess_m_s2: float = 0.5  # datasheets allow 60-90 mg of offset an axis
+    unusable_gravity_excess_m_s2: float = 4.9  # half of g: the unit must be wrong
+    max_clock_offset_s: float = 0.01
+    max_clock_drift_s: float = 0.005  # what drift adds up to over the session
+    min_common_share: float = 0.9
+    unusable_common_share: float = 0.5
+    max_axis_rad: float = 0.175  # the format promises frames to within 10 degrees
+    max_off_axis_rad: float = 0.175
+    max_angle_sd_rad: float = 0.35  # 20 degrees: no stroke of a lever can be told
+
+
+@dataclass(frozen=True, slots=True)
 class Settings:
     """All settings of the pipeline; frozen, hashable, the same digest for the same numbers."""
 
@@ -143,6 +170,7 @@ class Settings:
     attitude: AttitudeSettings = field(default_factory=AttitudeSettings)
     lever: LeverSettings = field(default_factory=LeverSettings)
     phases: PhaseSettings = field(default_factory=PhaseSettings)
+    quality: QualitySettings = field(default_factory=QualitySettings)
 
     @classmethod
     def causal(cls) -> Self:
