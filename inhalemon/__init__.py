@@ -21,6 +21,7 @@ _HOME = {
     "estimate_attitude": "inhalemon.stages.attitude",
     "track_lever": "inhalemon.pipeline",
     "estimate_tracks": "inhalemon.pipeline",
+    "score_recording": "inhalemon.pipeline",
     "InhalemonError": "inhalemon.exceptions",
     "RecordingError": "inhalemon.exceptions",
     "read_recording": "inhalemon.recording",
@@ -34,7 +35,7 @@ __all__ = ["__version__", *_HOME]
 
 if TYPE_CHECKING:
     from inhalemon.exceptions import InhalemonError, RecordingError
-    from inhalemon.pipeline import estimate_tracks, track_lever
+    from inhalemon.pipeline import estimate_tracks, score_recording, track_lever
     from inhalemon.recording import read_recording, read_recording_bytes, write_recording
     from inhalemon.settings import AttitudeSettings, Settings
     from inhalemon.simulate import Truth, simulate_session

@@ -7,12 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from inhalemon.devices import Device, load_device
+from inhalemon.rules import RuleSet, load_rules
 from inhalemon.settings import Settings
 from inhalemon.signals import resample_attitude
 from inhalemon.stages.attitude import estimate_attitude
 from inhalemon.stages.calibrate import calibrate
+from inhalemon.stages.clocks import align_clocks
+from inhalemon.stages.findings import apply_rules, score
 from inhalemon.stages.lever import lever_angle
-from inhalemon.values import AttitudeTrack, Calibration, DeviceKind, LeverTrack, Recording
+from inhalemon.stages.quality import assess_quality
+from inhalemon.values import AttitudeTrack, Calibration, ClockFit, DeviceKind, LeverTrack, Quality, Recording, Report
 
 # Raised whenever a score of the same recording can move.
 PIPELINE_VERSION = "1"
@@ -23,22 +27,28 @@ class Tracks:
     """The signals of a recording, all on the body's clock and at the body's samples."""
 
     recording: Recording
+    clock: ClockFit
     body: AttitudeTrack
     lever: AttitudeTrack
     calibration: Calibration
     angle: LeverTrack
+    quality: Quality
 
 
 def estimate_tracks(recording: Recording, settings: Settings | None = None, *, device: Device | None = None) -> Tracks:
-    """The attitudes of both parts and the angle between them."""
+    """The attitudes of both parts and the angle between them, and what is doubtful about them."""
     settings = settings or Settings()
     device = device or load_device(recording.device)
-    body = estimate_attitude(recording.body, settings.attitude)
-    lever = resample_attitude(estimate_attitude(recording.lever, settings.attitude), body.time_s)
     axis = device.hinge_sign * np.array(device.hinge_axis)
     has_shut_state = device.kind is not DeviceKind.HINGE
+
+    recording, clock = align_clocks(recording, settings.clocks)
+    body = estimate_attitude(recording.body, settings.attitude)
+    lever = resample_attitude(estimate_attitude(recording.lever, settings.attitude), body.time_s)
     calibration = calibrate(body, lever, axis, settings.lever, has_shut_state=has_shut_state)
-    return Tracks(recording, body, lever, calibration, lever_angle(body, lever, calibration))
+    angle = lever_angle(body, lever, calibration)
+    quality = assess_quality(recording, clock, settings.quality, calibration=calibration, lever=angle, hinge_axis=axis)
+    return Tracks(recording, clock, body, lever, calibration, angle, quality)
 
 
 def track_lever(recording: Recording, settings: Settings | None = None, *, device: Device | None = None) -> LeverTrack:
@@ -48,3 +58,42 @@ def track_lever(recording: Recording, settings: Settings | None = None, *, devic
     `Settings.causal()` gives what was known while recording.
     """
     return estimate_tracks(recording, settings, device=device).angle
+
+
+def score_recording(
+    recording: Recording,
+    *,
+    settings: Settings | None = None,
+    rules: RuleSet | None = None,
+    device: Device | None = None,
+) -> Report:
+    """The report of a recording: phases, events, measures, findings and score.
+
+    Without `settings`, `rules` and `device` the defaults are used: the default profile of rules, and the profile of the
+    recording's own device.
+    """
+    settings = settings or Settings()
+    device = device or load_device(recording.device)
+    return report_of(estimate_tracks(recording, settings, device=device), settings, rules=rules, device=device)
+
+
+def report_of(tracks: Tracks, settings: Settings, *, rules: RuleSet | None = None, device: Device) -> Report:
+    """The report of a recording whose tracks are already there (a page needs both)."""
+    rules = rules or load_rules()
+    recording = tracks.recording
+    findings = apply_rules({}, device, rules)
+    return Report(
+        session_id=recording.session_id,
+        device=recording.device,
+        pipeline_version=PIPELINE_VERSION,
+        settings_digest=settings.digest,
+        rules_digest=rules.digest,
+        duration_s=float(recording.body.time_s[-1] - recording.body.time_s[0]),
+        quality=tracks.quality,
+        phases=(),
+        events=(),
+        measures={},
+        findings=findings,
+        doses=(),
+        score=score(findings),
+    )
