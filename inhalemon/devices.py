@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import tomllib
 from collections.abc import Callable, Mapping
@@ -60,6 +61,7 @@ class Device:
         return self.partial_fraction * self.full_travel_rad
 
 
+@functools.cache
 def device_names() -> tuple[str, ...]:
     """The names of the profiles that come with the package."""
     files = resources.files("inhalemon").joinpath("data/devices").iterdir()
@@ -72,9 +74,7 @@ def load_device(name_or_path: str | Path) -> Device:
     Raises `DeviceError` naming the file, the field, what was found and what was wanted.
     """
     if str(name_or_path) in device_names():
-        name = str(name_or_path)
-        text = resources.files("inhalemon").joinpath(f"data/devices/{name}.toml").read_text(encoding="utf-8")
-        return _device(name, _parsed(text, f"device {name}"), f"device {name}")
+        return _shipped(str(name_or_path))
     path = Path(name_or_path)
     if path.suffix != ".toml":
         wanted = f"one of {', '.join(device_names())}, or the path of a .toml profile"
@@ -84,6 +84,12 @@ def load_device(name_or_path: str | Path) -> Device:
     except (OSError, UnicodeDecodeError) as error:
         raise DeviceError(f"{path}: {error}. Give a readable TOML file") from error
     return _device(path.stem, _parsed(text, str(path)), str(path))
+
+
+@functools.cache
+def _shipped(name: str) -> Device:
+    text = resources.files("inhalemon").joinpath(f"data/devices/{name}.toml").read_text(encoding="utf-8")
+    return _device(name, _parsed(text, f"device {name}"), f"device {name}")
 
 
 def _parsed(text: str, where: str) -> dict[str, object]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import graphlib
 import math
 import re
@@ -56,6 +57,7 @@ _PLACES: Final = re.compile(r"\{[^}]*\}?|\}")
 _MAX_NESTING: Final = 8
 
 
+@functools.cache
 def profile_names() -> tuple[str, ...]:
     """The names of the profiles that come with the package."""
     files = resources.files("inhalemon").joinpath("data/rules").iterdir()
@@ -68,9 +70,17 @@ def load_rules(profile_or_path: str | Path = "default") -> RuleSet:
     In a file, a rule that exists already is changed in the fields that are given, and a new id adds a rule.
     Raises `RulesError`.
     """
+    return _shipped(str(profile_or_path)) if profile_or_path in profile_names() else _loaded(profile_or_path)
+
+
+@functools.cache
+def _shipped(profile: str) -> RuleSet:
+    return _loaded(profile)
+
+
+def _loaded(profile_or_path: str | Path) -> RuleSet:
     where, top = _read(profile_or_path)
     tables: dict[str, Table] = {}
-    profiles = [str(top.get("profile", Path(profile_or_path).stem))]
     layers = [(where, top)]
     while (base := _base(*layers[-1])) is not None:
         if any(base == name for name, _ in layers):
@@ -81,7 +91,7 @@ def load_rules(profile_or_path: str | Path = "default") -> RuleSet:
             tables[rule_id] = _merged(tables.get(rule_id, {}), changes)
     rules = tuple(_rule(rule_id, table, f"{where}: rule {rule_id}") for rule_id, table in tables.items())
     _check_implications(rules, where)
-    return RuleSet(profile=profiles[0], rules=rules)
+    return RuleSet(profile=str(top.get("profile", Path(profile_or_path).stem)), rules=rules)
 
 
 def _read(profile_or_path: str | Path) -> tuple[str, Table]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import json
 from dataclasses import dataclass
@@ -130,7 +131,7 @@ class Rule:
         return self.levels[0].severity if self.levels else None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RuleSet:
     """The rules of one profile, in the order in which reports list them."""
 
@@ -140,7 +141,7 @@ class RuleSet:
     def of(self, device: DeviceKind) -> tuple[Rule, ...]:
         return tuple(rule for rule in self.rules if device in rule.devices)
 
-    @property
+    @functools.cached_property
     def digest(self) -> str:
         """SHA-256 of the rules' canonical JSON: equal rules, equal digest."""
         canonical = json.dumps([dataclasses.asdict(rule) for rule in self.rules], sort_keys=True, separators=(",", ":"))
