@@ -11,10 +11,12 @@ import pytest
 from reports import made_dose, made_report
 
 from inhalemon import rotation
-from inhalemon.report.curves import N_BUCKETS, Curve, Panel, reduced, session_panels, tilt_rad
+from inhalemon.pipeline import estimate_tracks
+from inhalemon.report.curves import N_BUCKETS, Curve, Panel, reduced, session_panels
 from inhalemon.report.page import session_page
 from inhalemon.report.plot import nice_step
-from inhalemon.values import AttitudeTrack, DeviceKind, Finding, ImuTrack, LeverTrack, Measure, Quality, Score, Verdict
+from inhalemon.simulate import simulate_session
+from inhalemon.values import DeviceKind, Finding, Measure, Quality, Score, Verdict
 
 VOID = {"meta", "path", "rect", "link", "br", "img", "input"}
 
@@ -48,17 +50,21 @@ class Page(HTMLParser):
 
 
 def panels(duration_s=24.0, rate_hz=100.0):
+    """Five panels of noise, nine curves, two with bands: what a session has."""
     time_s = np.arange(0.0, duration_s, 1.0 / rate_hz)
-    n_samples = time_s.size
     rng = np.random.default_rng(0)
-    tilt = np.radians(20.0) * np.sin(time_s)
-    q = rotation.from_rotation_vector(np.column_stack([tilt, 0 * tilt, 0 * tilt]))
-    imu = ImuTrack(time_s, rng.normal(0, 5, (n_samples, 3)), rng.normal(0, 5, (n_samples, 3)))
-    attitude = AttitudeTrack(
-        time_s, q, np.full(n_samples, 0.01), np.zeros((n_samples, 3)), np.exp(rng.normal(0, 1, n_samples))
+
+    def curves(*names, half_width=None):
+        return tuple(Curve(name, time_s, rng.normal(0, 5, time_s.size), half_width) for name in names)
+
+    width = np.full(time_s.size, 0.5)
+    return (
+        Panel("Tilt from upright", "°", curves("tilt", half_width=width)),
+        Panel("Lever angle", "°", (*curves("angle", half_width=width), *curves("off the axis"))),
+        Panel("Rate of the body", "°/s", curves("x (hinge)", "y", "z")),
+        Panel("Specific force", "g", curves("body", "lever")),
+        Panel("R of the adaptive filter", "m²/s²", curves("body", "lever"), is_log=True),
     )
-    angle = LeverTrack(time_s, rng.normal(0, 0.1, n_samples), np.full(n_samples, 0.01), np.zeros(n_samples))
-    return session_panels(imu, imu, attitude, attitude, angle)
 
 
 @pytest.fixture(scope="module")
@@ -188,13 +194,19 @@ def test_short_curve_is_kept_whole():
     np.testing.assert_array_equal(kept, np.cos(time_s))
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.3, 1.5, 3.1])
-def test_tilt_is_the_angle_from_upright_whatever_the_heading(angle):
-    q = rotation.multiply(
-        rotation.from_rotation_vector(np.array([[0.0, 0.0, 1.1]])),
-        rotation.from_rotation_vector(np.array([[angle, 0.0, 0.0]])),
-    )
-    np.testing.assert_allclose(tilt_rad(q), [angle], atol=1e-7)
+def test_panels_of_a_session_hold_its_tracks_in_units_for_people():
+    """A simulated session: the tilt is that of the true attitude, the angle that of the track, the force is 1 g."""
+    recording, _ = simulate_session("ellipta", seed=3)
+    tracks = estimate_tracks(recording)
+    tilt, angle, rate, force, variance = session_panels(tracks, moving_part="cover")
+    assert angle.title == "Cover angle"
+    np.testing.assert_allclose(np.radians(angle.curves[0].value), tracks.angle.angle_rad)
+    up_z = rotation.rotate(tracks.body.q, np.array([0.0, 0.0, 1.0]))[:, 2]
+    np.testing.assert_allclose(np.cos(np.radians(tilt.curves[0].value)), up_z, atol=1e-9)
+    assert np.median(force.curves[0].value) == pytest.approx(1.0, abs=0.05)
+    assert [curve.name for curve in rate.curves] == ["x (hinge)", "y", "z"]
+    assert variance.is_log
+    assert len(session_page(made_report(), (tilt, angle, rate, force, variance)).encode()) < 500_000
 
 
 @pytest.mark.parametrize(("step", "nice"), [(0.9, 1.0), (1.0, 1.0), (1.2, 2.0), (3.0, 5.0), (7.0, 10.0), (0.02, 0.02)])

@@ -8,7 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from inhalemon.values import AttitudeTrack, BoolArray, FloatArray, ImuTrack, LeverTrack
+from inhalemon.pipeline import Tracks
+from inhalemon.rotation import tilt_from_upright
+from inhalemon.values import BoolArray, FloatArray
 
 STANDARD_GRAVITY_M_S2: Final = 9.80665
 N_BUCKETS: Final = 800  # two points each: about as many as a wide screen has columns
@@ -37,24 +39,17 @@ class Panel:
     is_log: bool = False
 
 
-def session_panels(
-    body_imu: ImuTrack,
-    lever_imu: ImuTrack,
-    body: AttitudeTrack,
-    lever: AttitudeTrack,
-    angle: LeverTrack,
-    *,
-    moving_part: str = "lever",
-) -> tuple[Panel, ...]:
+def session_panels(tracks: Tracks, *, moving_part: str = "lever") -> tuple[Panel, ...]:
     """Tilt, lever or cover angle, rates, specific force and the filter's adaptive R, in units for people."""
-    tilt = Curve("tilt", body.time_s, np.degrees(tilt_rad(body.q)), _TWO_SIDED_95 * np.degrees(body.sd_tilt_rad))
+    recording, body, lever, angle = tracks.recording, tracks.body, tracks.lever, tracks.angle
+    tilt = Curve(
+        "tilt", body.time_s, np.degrees(tilt_from_upright(body.q)), _TWO_SIDED_95 * np.degrees(body.sd_tilt_rad)
+    )
     stroke = Curve("angle", angle.time_s, np.degrees(angle.angle_rad), _TWO_SIDED_95 * np.degrees(angle.sd_rad))
     off_axis = Curve("off the axis", angle.time_s, np.degrees(angle.off_axis_rad))
-    rates = (
-        Curve(axis, body_imu.time_s, np.degrees(body_imu.gyr_rad_s[:, i]))
-        for i, axis in enumerate(("x (hinge)", "y", "z"))
-    )
-    parts = (("body", body_imu, body), (moving_part, lever_imu, lever))
+    gyr_deg_s = np.degrees(recording.body.gyr_rad_s - body.gyr_bias_rad_s)
+    rates = (Curve(axis, recording.body.time_s, gyr_deg_s[:, i]) for i, axis in enumerate(("x (hinge)", "y", "z")))
+    parts = (("body", recording.body, body), (moving_part, recording.lever, lever))
     forces = (
         Curve(name, imu.time_s, np.linalg.norm(imu.acc_m_s2, axis=1) / STANDARD_GRAVITY_M_S2) for name, imu, _ in parts
     )
@@ -64,14 +59,8 @@ def session_panels(
         Panel(f"{moving_part.capitalize()} angle", "°", (stroke, off_axis)),
         Panel("Rate of the body", "°/s", tuple(rates)),
         Panel("Specific force", "g", tuple(forces)),
-        Panel("R of the adaptive filter", body.r_unit, tuple(variances), is_log=True),
+        Panel("R of the adaptive filter", body.r_unit.replace("2", "²"), tuple(variances), is_log=True),
     )
-
-
-def tilt_rad(q_ref_body: FloatArray) -> FloatArray:
-    """Angle between the part's z axis and up, (n,), 0 to pi."""
-    cosine = 1.0 - 2.0 * (q_ref_body[:, 1] ** 2 + q_ref_body[:, 2] ** 2)
-    return np.arccos(np.clip(cosine, -1.0, 1.0))
 
 
 def reduced(time_s: FloatArray, value: FloatArray, n_buckets: int = N_BUCKETS) -> list[tuple[FloatArray, FloatArray]]:
