@@ -112,6 +112,13 @@ def test_calibrate_learns_the_true_travel_as_well_as_it_says(simulated, tmp_path
     assert load_device(device).hinge_axis == pytest.approx(learned.hinge_axis, abs=math.sin(math.radians(15)))
 
 
+def test_a_parquet_file_of_something_else_is_no_recording(simulated, tmp_path, capsys):
+    out = tmp_path / "track.parquet"
+    assert run(["track", str(simulated / "pmdi-00004.csv"), "--out", str(out)]) == 0
+    assert run(["track", str(out), "--device", "pmdi"]) == 3
+    assert "unknown column" in capsys.readouterr().err
+
+
 def test_a_recording_without_a_stroke_cannot_calibrate(tmp_path, capsys):
     assert run(["simulate", "pmdi", "--out", str(tmp_path), "--mistake", "no_press"]) == 0
     assert run(["calibrate", str(tmp_path / "pmdi-00000.csv")]) == 3

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from inhalemon import __version__
-from inhalemon.cli import calibrate, evaluate, rules, score, serve, simulate, track
+from inhalemon.cli import calibrate, check, convert, evaluate, report, rules, score, serve, simulate, track
 from inhalemon.cli.failures import NOBODY_READS, told
 from inhalemon.exceptions import InhalemonError
 
@@ -40,7 +40,7 @@ def inhalemon(
     """How an inhaler was used, from two small inertial sensors. Decision support for trained staff."""
 
 
-for _verb in (score, simulate, evaluate, track, calibrate, rules, serve):
+for _verb in (score, check, report, simulate, evaluate, track, calibrate, rules, convert, serve):
     _verb.add_to(app)
 
 

@@ -25,11 +25,12 @@ def read_parquet(source: BinaryIO, *, file: str) -> tuple[bytes | None, Iterator
     """The sidecar's JSON, if the file has it, and the rows in blocks (row `i` counts as line `i + 1`)."""
     pa, pq = _pyarrow(file)
     try:
+        columns = columns_from_names(tuple(str(name) for name in pq.read_schema(source).names), file=file)
+        source.seek(0)
         table = pq.ParquetFile(source, read_dictionary=["sensor"], memory_map=False)
     except (pa.ArrowException, OSError, ValueError) as error:
         raise _broken(file, error) from error
     schema = table.schema_arrow
-    columns = columns_from_names(tuple(str(name) for name in schema.names), file=file)
     for field in schema:
         is_right = _is_text(pa, field.type) if field.name == "sensor" else _is_number(pa, field.type)
         if not is_right:

@@ -1,0 +1,44 @@
+"""`inhalemon convert`: recordings in another form."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from inhalemon.cli.failures import UNUSABLE_RECORDING, tell
+from inhalemon.cli.options import DeviceOption, RecordingPaths, device_of, read_source
+from inhalemon.cli.sources import sources
+from inhalemon.exceptions import RecordingError
+
+
+def add_to(app: typer.Typer) -> None:
+    app.command("convert")(convert)
+
+
+def convert(
+    paths: RecordingPaths,
+    to: Annotated[Literal["csv", "csv.gz", "csv.zst", "parquet"], typer.Option(help="The form.")],
+    out: Annotated[Path, typer.Option(metavar="FOLDER", help="Where the files go; made when it is not there.")],
+    device: DeviceOption = None,
+) -> None:
+    """Write recordings in another form, each named by its session id."""
+    from inhalemon.recording import write_recording
+
+    profile = device_of(device)
+    found = sources(paths)
+    out.mkdir(parents=True, exist_ok=True)
+    is_any_unusable = False
+    for source in found:
+        try:
+            recording = read_source(source, profile)
+        except RecordingError as error:
+            is_any_unusable = True
+            tell(str(error))
+            continue
+        path = out / f"{recording.session_id}.{to}"
+        write_recording(recording, path)
+        typer.echo(path)
+    if is_any_unusable:
+        raise typer.Exit(UNUSABLE_RECORDING)

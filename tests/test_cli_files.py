@@ -1,0 +1,74 @@
+"""check, report and convert on real files."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from inhalemon.cli import run
+from inhalemon.recording import read_recording, write_recording
+from inhalemon.simulate import simulate_session
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory):
+    """A good session and half a file."""
+    folder = tmp_path_factory.mktemp("two")
+    recording, truth = simulate_session("ellipta", seed=8, session_id="good")
+    write_recording(recording, folder / "good.csv.gz")
+    truth.write_labels(folder / "good.csv.gz")
+    packed = (folder / "good.csv.gz").read_bytes()
+    (folder / "half.csv.gz").write_bytes(packed[: len(packed) // 2])
+    (folder / "half.json").write_bytes((folder / "good.json").read_bytes())
+    return folder
+
+
+def test_check_tells_what_can_be_used_and_what_cannot(two, capsys):
+    assert run(["check", str(two), "--format", "json"]) == 3
+    told = capsys.readouterr()
+    good, half = json.loads(told.out)
+    assert (good["device"], good["usable"]) == ("ellipta", True)
+    assert good["body_rate_hz"] == pytest.approx(100.0, rel=0.02)
+    assert half["format"] == "inhalemon-error/1"
+    assert told.err.count("\n") == 1
+
+
+def test_check_prints_a_row_a_file(two, capsys):
+    assert run(["check", str(two)]) == 3
+    said = capsys.readouterr().out
+    assert "good.csv.gz" in said
+    assert "refused" in said
+
+
+def test_report_is_one_page_that_loads_nothing_from_elsewhere(two, tmp_path):
+    out = tmp_path / "session.html"
+    assert run(["report", str(two / "good.csv.gz"), "--out", str(out)]) == 0
+    page = out.read_text(encoding="utf-8")
+    assert page.startswith("<!doctype html>")
+    assert "good" in page
+    assert "http://" not in page.replace("http://www.w3.org/", "")
+    assert "https://" not in page
+
+
+def test_report_of_what_cannot_be_used_leaves_no_file(two, tmp_path):
+    out = tmp_path / "session.html"
+    assert run(["report", str(two / "half.csv.gz"), "--out", str(out)]) == 3
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("form", ["csv", "csv.zst", "parquet"])
+def test_a_converted_recording_is_the_same_recording(two, tmp_path, form):
+    assert run(["convert", str(two / "good.csv.gz"), "--to", form, "--out", str(tmp_path)]) == 0
+    before, after = read_recording(two / "good.csv.gz"), read_recording(tmp_path / f"good.{form}")
+    assert (after.session_id, after.device, after.sensors) == (before.session_id, before.device, before.sensors)
+    np.testing.assert_allclose(after.lever.acc_m_s2, before.lever.acc_m_s2, atol=1e-6)
+    np.testing.assert_allclose(after.lever.time_s, before.lever.time_s, atol=1e-6)
+
+
+def test_converting_goes_on_after_a_bad_file(two, tmp_path, capsys):
+    assert run(["convert", str(two), "--to", "csv", "--out", str(tmp_path)]) == 3
+    told = capsys.readouterr()
+    assert told.out == f"{tmp_path / 'good.csv'}\n"
+    assert "half.csv.gz" in told.err
