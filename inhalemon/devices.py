@@ -81,7 +81,7 @@ def load_device(name_or_path: str | Path) -> Device:
         raise DeviceError(f"device is {str(name_or_path)!r}; expected {wanted}")
     try:
         text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:  # not there, or not text
         raise DeviceError(f"{path}: {error}. Give a readable TOML file") from error
     return _device(path.stem, _parsed(text, str(path)), str(path))
 
@@ -95,7 +95,7 @@ def _shipped(name: str) -> Device:
 def _parsed(text: str, where: str) -> dict[str, object]:
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise DeviceError(f"{where}: {error}. Give a readable TOML file") from error
 
 

@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 
 from inhalemon.devices import load_device
 from inhalemon.rules import load_rules
+from inhalemon.simulate import simulate_session
+from inhalemon.simulate.mistakes import MISTAKES
 from inhalemon.stages.findings import apply_rules, score, worst_dose, worst_findings
 from inhalemon.values import Dose, Finding, Grade, Measure, Severity, Verdict
 
@@ -353,3 +355,18 @@ def test_graver_failure_beats_a_lighter_one_and_what_is_open_beats_a_pass():
     assert {f.rule: f for f in worst_findings((light, grave))}["press_late"].severity is CRITICAL
     passed, unseen = dose(), dose(coordination_s=None)
     assert {f.rule: f for f in worst_findings((passed, unseen))}["press_late"].verdict is NONE
+
+
+# ------------------------------------------------------------------------------------------------- simulated truth
+
+
+@pytest.mark.parametrize(("device", "mistake"), [(d, m) for d in MISTAKES for m in (None, *MISTAKES[d])])
+def test_rules_on_the_true_measures_of_a_session_find_exactly_what_was_acted(device, mistake):
+    """The simulator knows what was done and measures it exactly; rules and labels must then agree."""
+    _, truth = simulate_session(device, mistakes=(mistake,) if mistake else (), seed=5, rate_hz=50.0)
+    measures = {name: Measure(value, 0.0, None if value is not None else "x") for name, value in truth.measures.items()}
+    measures["mouth_stays"] = Measure(0 if mistake == "no_inhalation" else 1)
+    found = apply_rules(measures, load_device(device), load_rules())
+    assert {finding.rule for finding in found if finding.verdict is FAIL} == set(truth.mistakes)
+    undecided = {(finding.rule, finding.reason) for finding in found if finding.verdict is OPEN}
+    assert undecided <= {("press_incomplete", "travel_not_calibrated")}

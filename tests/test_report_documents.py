@@ -15,8 +15,10 @@ from reports import made_dose, made_report
 
 from inhalemon.exceptions import RecordingError
 from inhalemon.measures import INTERNAL_MEASURES
+from inhalemon.pipeline import score_recording
 from inhalemon.report.documents import error_to_dict, from_dict, to_dict, to_json
 from inhalemon.report.flat import csv_columns, to_csv
+from inhalemon.simulate import simulate_session
 from inhalemon.values import DeviceKind, Measure, Quality, Report, Score
 
 SCHEMAS = Path(__file__).parents[1] / "docs" / "schema"
@@ -116,6 +118,15 @@ def test_schema_refuses_what_is_not_a_report(change, words):
 def test_document_that_is_not_a_whole_report_is_refused(document):
     with pytest.raises(ValueError, match="inhalemon-report/1"):
         from_dict(document)
+
+
+@pytest.mark.parametrize("device", ["pmdi", "ellipta"])
+def test_scored_recording_and_its_labels_are_valid(device):
+    recording, truth = simulate_session(device, mistakes=("no_exhale_pause",), seed=2, n_doses=2)
+    validator("labels-1.json").validate(truth.to_labels())
+    document = json.loads(to_json(score_recording(recording)))
+    validator("report-1.json").validate(document)
+    assert to_dict(from_dict(document)) == document
 
 
 def test_error_document_is_valid_and_tells_where():

@@ -154,6 +154,12 @@ ODD = [
     ("[rules.flow.when]\nminor = {}\n[rules.flow]\nnever_decided = 3", ("own.toml",)),
     ("[rules.press_incomplete.doubt]\nreason = 'x'", ("press_incomplete", "doubt.when", "missing")),
     ("[rules", ("own.toml", "readable TOML")),
+    ("x = " + "[" * 5000, ("own.toml", "readable TOML")),
+    (
+        '[rules.press_late]\nwhen.major = {measure = "coordination_s", is = ">", limit = 1' + "0" * 400 + "}",
+        ("when.major.limit", "a number"),
+    ),
+    ("[rules.press_late.when]\nmajor = " + "{any = [" * 9 + "1" + "]}" * 9, ("when.major", "a comparison")),
 ]
 
 
@@ -168,6 +174,12 @@ def test_odd_rule_file_is_refused_with_file_rule_field_found_and_wanted(tmp_path
 def test_unknown_profile_names_those_that_exist():
     with pytest.raises(RulesError, match="'lenient'; expected one of default, strict, or the path"):
         load_rules("lenient")
+
+
+@pytest.mark.parametrize("odd", ["nowhere.toml", "\0.toml", "."])
+def test_rule_file_that_is_not_there_is_refused(odd):
+    with pytest.raises(RulesError):
+        load_rules(odd)
 
 
 def test_rule_may_compare_two_measures(tmp_path):

@@ -40,7 +40,7 @@ def panel_html(panel: Panel, phases: Sequence[Phase], events: Sequence[Event], s
     )
     unit = f" <small>{escape(panel.unit)}{', logarithmic' if panel.is_log else ''}</small>"
     return (
-        f'<section class="panel"><h3>{escape(panel.title)}{unit}</h3><ul class="names">{names}</ul>'
+        f'<section class="panel"><h2>{escape(panel.title)}{unit}</h2><ul class="names">{names}</ul>'
         f'<div class="row"><div class="label">{labels}</div>'
         f'<svg viewBox="{start_s:.3f} 0 {end_s - start_s:.3f} {PLOT_HEIGHT:g}" preserveAspectRatio="none" role="img"'
         f' aria-label="{escape(panel.title)} over time" data-low="{low:g}" data-high="{high:g}"'

@@ -55,6 +55,7 @@ _RULE_FIELDS: Final = (
 _RULE_ID: Final = re.compile(r"[a-z][a-z0-9_]{0,63}")
 _PLACES: Final = re.compile(r"\{[^}]*\}?|\}")
 _MAX_NESTING: Final = 8
+_LARGEST: Final = 10**12
 
 
 @functools.cache
@@ -104,7 +105,7 @@ def _read(profile_or_path: str | Path) -> tuple[str, Table]:
             wanted = f"one of {', '.join(profile_names())}, or the path of a .toml file"
             raise RulesError(f"rules is {name!r}; expected {wanted}")
         return name, tomllib.loads(Path(name).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:  # not there, not text, not TOML, nested too deeply
         raise RulesError(f"{name}: {error}. Give a readable TOML file") from error
 
 
@@ -319,6 +320,8 @@ class _Reader:
 
 
 def _is_number(found: object) -> TypeGuard[float]:
+    if isinstance(found, int) and abs(found) > _LARGEST:  # TOML's integers may be larger than any float
+        return False
     return isinstance(found, int | float) and not isinstance(found, bool) and math.isfinite(found)
 
 
