@@ -16,6 +16,7 @@ from inhalemon.stages.clocks import align_clocks
 from inhalemon.stages.findings import apply_rules, score
 from inhalemon.stages.lever import lever_angle
 from inhalemon.stages.quality import assess_quality
+from inhalemon.stages.sensors import correct_sensors
 from inhalemon.values import AttitudeTrack, Calibration, ClockFit, DeviceKind, LeverTrack, Quality, Recording, Report
 
 # Raised whenever a score of the same recording can move.
@@ -26,7 +27,7 @@ PIPELINE_VERSION = "1"
 class Tracks:
     """The signals of a recording, all on the body's clock and at the body's samples."""
 
-    recording: Recording
+    recording: Recording  # clocks aligned, sensors corrected
     clock: ClockFit
     body: AttitudeTrack
     lever: AttitudeTrack
@@ -42,12 +43,17 @@ def estimate_tracks(recording: Recording, settings: Settings | None = None, *, d
     axis = device.hinge_sign * np.array(device.hinge_axis)
     has_shut_state = device.kind is not DeviceKind.HINGE
 
-    recording, clock = align_clocks(recording, settings.clocks)
+    as_recorded, clock = align_clocks(recording, settings.clocks)
+    recording = as_recorded
+    if has_shut_state and settings.sensors.is_used:
+        recording = correct_sensors(as_recorded, axis, settings.sensors)
     body = estimate_attitude(recording.body, settings.attitude)
     lever = resample_attitude(estimate_attitude(recording.lever, settings.attitude), body.time_s)
     calibration = calibrate(body, lever, axis, settings.lever, has_shut_state=has_shut_state)
     angle = lever_angle(body, lever, calibration)
-    quality = assess_quality(recording, clock, settings.quality, calibration=calibration, lever=angle, hinge_axis=axis)
+    quality = assess_quality(
+        as_recorded, clock, settings.quality, calibration=calibration, lever=angle, hinge_axis=axis
+    )
     return Tracks(recording, clock, body, lever, calibration, angle, quality)
 
 

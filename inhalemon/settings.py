@@ -59,6 +59,28 @@ class ClockSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class SensorSettings:
+    """How the sensors' biases are found from the shut lever and from gravity, in a finished recording."""
+
+    is_used: bool = True
+    block_s: float = 0.1
+    min_common_s: float = 2.0  # of both sensors, and of the shut lever
+    sd_gyr_rad_s: float = math.radians(0.3)  # of a block's mean: tremor, a soft lever
+    sd_gyr_scale: float = 0.02  # of the rate: the sensors' scales
+    sd_mounting_rad: float = math.radians(6.0)  # of one frame against the other, each axis
+    sd_gyr_bias_rad_s: float = math.radians(1.0)  # what quiet stretches leave of it
+    max_mounting_rad: float = math.radians(25.0)  # a larger turn about the hinge is a lever that is not shut
+    min_across_rad_s: float = math.radians(15.0)  # slower turns across the hinge say nothing of the lever's angle
+    max_hinge_rate_rad_s: float = math.radians(5.0)
+    shut_band_rad: float = math.radians(5.0)  # a weak press is more
+    quiet_s: float = 0.5
+    quiet_acc_m_s2: float = 0.15
+    quiet_gyr_rad_s: float = math.radians(3.0)
+    sd_acc_bias_m_s2: float = 0.3  # LSM9DS1 datasheet: 90 mg as three standard deviations
+    sd_acc_m_s2: float = 0.2  # of one quiet stretch: scale and cross-axis errors, which do not average out
+
+
+@dataclass(frozen=True, slots=True)
 class AttitudeSettings:
     """How attitude is estimated from one sensor's rates and specific force."""
 
@@ -167,6 +189,7 @@ class Settings:
     """All settings of the pipeline; frozen, hashable, the same digest for the same numbers."""
 
     clocks: ClockSettings = field(default_factory=ClockSettings)
+    sensors: SensorSettings = field(default_factory=SensorSettings)
     attitude: AttitudeSettings = field(default_factory=AttitudeSettings)
     lever: LeverSettings = field(default_factory=LeverSettings)
     phases: PhaseSettings = field(default_factory=PhaseSettings)
@@ -175,7 +198,11 @@ class Settings:
     @classmethod
     def causal(cls) -> Self:
         """Settings that use the past only, as while recording."""
-        return cls(attitude=AttitudeSettings(smooth=False), lever=LeverSettings(smooth=False))
+        return cls(
+            sensors=SensorSettings(is_used=False),
+            attitude=AttitudeSettings(smooth=False),
+            lever=LeverSettings(smooth=False),
+        )
 
     @classmethod
     def from_toml(cls, source: str | Path) -> Self:

@@ -1,0 +1,218 @@
+"""What the two sensors say of each other's errors while the lever is shut, before any attitude is estimated."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from inhalemon.rotation import (
+    IDENTITY,
+    angle_between,
+    as_matrix,
+    conjugate,
+    from_rotation_vector,
+    multiply,
+    rotate,
+    split_twist,
+)
+from inhalemon.settings import SensorSettings
+from inhalemon.values import BoolArray, FloatArray, ImuTrack, Recording
+
+_G_M_S2 = 9.80665
+_TUKEY = 4.0  # standard deviations beyond which a block has no say
+_N_ROUNDS = 15  # of weighing and fitting; a lever open for most of the time needs them
+_SETTLED_RAD = 1e-3
+
+
+def correct_sensors(recording: Recording, hinge_axis: FloatArray, settings: SensorSettings) -> Recording:
+    """The recording with the sensors' errors removed as far as the shut lever and gravity show them.
+
+    While the lever is shut, both sensors ride on one rigid body. Their rates then differ by the mounting and by the
+    difference of their gyro biases, whatever the motion; in quiet moments their specific forces differ by the mounting
+    and by the difference of their accelerometer biases, and the length of each is g. So, from means over short blocks:
+
+    1. each gyro's bias, about, from its middle rate in quiet stretches;
+    2. mounting and what is left of the relative gyro bias, from the rates, by Tukey-weighted least squares;
+    3. the lever's angle so far from the integrated difference about the hinge, which says when it is shut;
+    4. step 2 again on the shut blocks; then both accelerometers' biases by least squares with a prior.
+
+    The relative gyro bias is taken from the lever's rates: what bias remains is the same for both. Both clocks are the
+    body's. `hinge_axis` is the device profile's, positive for opening. Uses the whole recording.
+    """
+    blocks = _Blocks.of(recording.body, recording.lever, settings.block_s)
+    if int(blocks.is_whole.sum()) * settings.block_s < settings.min_common_s:
+        return recording
+    axis = np.asarray(hinge_axis, dtype=np.float64) / np.linalg.norm(hinge_axis)
+    quiet = _Quiet.of(blocks, settings)
+    bias_body = _rest_bias(blocks.gyr_body, quiet.body, quiet.n_blocks)
+    bias_lever = _rest_bias(blocks.gyr_lever, quiet.lever, quiet.n_blocks)
+    blocks = dataclasses.replace(blocks, gyr_body=blocks.gyr_body - bias_body, gyr_lever=blocks.gyr_lever - bias_lever)
+    q_body_lever, bias_between, is_shut = _shut_mounting(blocks, axis, settings)
+    acc_bias_body, acc_bias_lever = _acc_biases(blocks, quiet, q_body_lever, is_shut, settings)
+    return dataclasses.replace(
+        recording,
+        body=_less(recording.body, bias_body, acc_bias_body),
+        lever=_less(recording.lever, bias_lever + bias_between, acc_bias_lever),
+    )
+
+
+def _less(track: ImuTrack, gyr_bias_rad_s: FloatArray, acc_bias_m_s2: FloatArray) -> ImuTrack:
+    return dataclasses.replace(
+        track, gyr_rad_s=track.gyr_rad_s - gyr_bias_rad_s, acc_m_s2=track.acc_m_s2 - acc_bias_m_s2
+    )
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Blocks:
+    """Time means of both sensors over the same short blocks."""
+
+    acc_body: FloatArray  # (m, 3)
+    gyr_body: FloatArray  # (m, 3)
+    acc_lever: FloatArray  # (m, 3)
+    gyr_lever: FloatArray  # (m, 3)
+    is_whole: BoolArray  # (m,) samples of both in every block
+    block_s: float
+
+    @classmethod
+    def of(cls, body: ImuTrack, lever: ImuTrack, block_s: float) -> _Blocks:
+        start_s = max(body.time_s[0], lever.time_s[0])
+        end_s = min(body.time_s[-1], lever.time_s[-1])
+        edges = start_s + block_s * np.arange(max(int((end_s - start_s) / block_s), 0) + 1)
+        acc_body, gyr_body, has_body = _means(body, edges)
+        acc_lever, gyr_lever, has_lever = _means(lever, edges)
+        return cls(acc_body, gyr_body, acc_lever, gyr_lever, has_body & has_lever, block_s)
+
+
+def _means(track: ImuTrack, edges: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Means of specific force and rate between edges, exact for signals straight between samples' integrals."""
+    values = np.concatenate([track.acc_m_s2, track.gyr_rad_s], axis=1)
+    step_s = np.diff(track.time_s)[:, None]
+    integral = np.concatenate([np.zeros((1, 6)), np.cumsum((values[1:] + values[:-1]) / 2 * step_s, axis=0)])
+    at_edges = np.stack([np.interp(edges, track.time_s, column) for column in integral.T], axis=1)
+    means = np.diff(at_edges, axis=0) / np.diff(edges)[:, None]
+    has_samples: BoolArray = np.diff(np.searchsorted(track.time_s, edges)) > 0
+    return means[:, :3], means[:, 3:], has_samples
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Quiet:
+    """Which stretches of `n_blocks` blocks are quiet: rest, or a hand that holds still."""
+
+    body: BoolArray  # (k,)
+    lever: BoolArray  # (k,)
+    n_blocks: int
+
+    @classmethod
+    def of(cls, blocks: _Blocks, settings: SensorSettings) -> _Quiet:
+        n = max(round(settings.quiet_s / blocks.block_s), 2)
+        is_whole = _stretches(blocks.is_whole[:, None].astype(np.float64), n).all(axis=(1, 2))
+        body, lever = (
+            is_whole
+            & (np.linalg.norm(_stretches(acc, n).std(axis=1), axis=1) < settings.quiet_acc_m_s2)
+            & (np.linalg.norm(_stretches(gyr, n).std(axis=1), axis=1) < settings.quiet_gyr_rad_s)
+            for acc, gyr in ((blocks.acc_body, blocks.gyr_body), (blocks.acc_lever, blocks.gyr_lever))
+        )
+        return cls(body, lever, n)
+
+
+def _stretches(values: FloatArray, n: int) -> FloatArray:
+    """(k, n, ...) from (m, ...): the last few may be left out."""
+    return values[: values.shape[0] // n * n].reshape(-1, n, *values.shape[1:])
+
+
+def _rest_bias(gyr: FloatArray, is_quiet: BoolArray, n: int) -> FloatArray:
+    """The middle rate of the quiet stretches (3,): a slow turn now and then does not move it."""
+    if not is_quiet.any():
+        return np.zeros(3)
+    bias: FloatArray = np.median(_stretches(gyr, n)[is_quiet].mean(axis=1), axis=0)
+    return bias
+
+
+def _shut_mounting(
+    blocks: _Blocks, axis: FloatArray, settings: SensorSettings
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """`q_body_lever` of the shut lever, the lever's gyro bias against the body's, and which blocks are shut."""
+    whole = blocks.is_whole
+    q = IDENTITY
+    bias = np.zeros(3)
+    length = np.linalg.norm(blocks.gyr_body, axis=1)
+    weight = np.zeros(whole.size)
+    for _ in range(_N_ROUNDS):
+        misfit = np.linalg.norm(_misfit(blocks, q, bias), axis=1)
+        scatter = max(float(1.4826 * np.median(misfit[whole])), settings.sd_gyr_rad_s)
+        sd = np.hypot(scatter, settings.sd_gyr_scale * length)
+        weight = np.where(whole, np.clip(1.0 - (misfit / (_TUKEY * sd)) ** 2, 0.0, None) ** 2, 0.0)
+        before = q
+        q, bias = _fitted(blocks, q, bias, weight / sd**2, settings)
+        if angle_between(before, q) < _SETTLED_RAD:
+            break
+
+    # The angle at which most blocks agree may be the open one: its turn about the hinge tells.
+    misfit = _misfit(blocks, q, bias)
+    rate = misfit @ axis
+    angle = np.cumsum(np.where(whole, rate, 0.0)) * blocks.block_s
+    across = np.linalg.norm(np.cross(blocks.gyr_body, axis), axis=1)
+    telling = (weight > 0.5) & (across > settings.min_across_rad_s)
+    angle = angle - np.median(angle[telling] if telling.any() else angle[whole])
+    turn = float(split_twist(q, axis)[0])
+    if abs(turn) > settings.max_mounting_rad:
+        q = multiply(q, from_rotation_vector(np.asarray(-turn * axis, dtype=np.float64)))
+        angle = angle + turn
+    is_still = whole & (np.abs(rate) < settings.max_hinge_rate_rad_s)
+    is_shut = is_still & (np.abs(angle) < settings.shut_band_rad)
+    if int(is_shut.sum()) * blocks.block_s >= settings.min_common_s:
+        sd = np.hypot(settings.sd_gyr_rad_s, settings.sd_gyr_scale * length)
+        q, bias = _fitted(blocks, q, bias, np.where(is_shut, 1.0 / sd**2, 0.0), settings)
+    return q, bias, is_shut
+
+
+def _misfit(blocks: _Blocks, q_body_lever: FloatArray, bias: FloatArray) -> FloatArray:
+    misfit: FloatArray = blocks.gyr_lever - rotate(conjugate(q_body_lever), blocks.gyr_body) - bias
+    return misfit
+
+
+def _fitted(
+    blocks: _Blocks, q: FloatArray, bias: FloatArray, weight: FloatArray, settings: SensorSettings
+) -> tuple[FloatArray, FloatArray]:
+    """One weighted step of mounting and bias to gyr_lever = rotate(q_lever_body, gyr_body) + bias.
+
+    What the motion does not show stays where it was.
+    """
+    known = np.repeat([settings.sd_mounting_rad**-2, settings.sd_gyr_bias_rad_s**-2], 3)
+    misfit = _misfit(blocks, q, bias)
+    turned = rotate(conjugate(q), blocks.gyr_body)
+    # A small turn s of the lever's frame changes the turned rate by turned x s.
+    jacobian = np.zeros((turned.shape[0], 3, 6))
+    jacobian[:, 0, 1], jacobian[:, 0, 2] = -turned[:, 2], turned[:, 1]
+    jacobian[:, 1, 0], jacobian[:, 1, 2] = turned[:, 2], -turned[:, 0]
+    jacobian[:, 2, 0], jacobian[:, 2, 1] = -turned[:, 1], turned[:, 0]
+    jacobian[:, :, 3:] = np.eye(3)
+    weighted = (jacobian * weight[:, None, None]).reshape(-1, 6)
+    normal = weighted.T @ jacobian.reshape(-1, 6) + np.diag(known)
+    step = np.linalg.solve(normal, weighted.T @ misfit.reshape(-1))
+    return multiply(q, from_rotation_vector(np.asarray(step[:3]))), np.asarray(bias + step[3:])
+
+
+def _acc_biases(
+    blocks: _Blocks, quiet: _Quiet, q_body_lever: FloatArray, is_shut: BoolArray, settings: SensorSettings
+) -> tuple[FloatArray, FloatArray]:
+    """Accelerometer biases of body and lever (3,), from quiet stretches, with zero as what was known before."""
+    k = quiet.n_blocks
+    shut = is_shut[: quiet.body.size * k].reshape(-1, k).all(axis=1) & quiet.body & quiet.lever
+    mean_body, mean_lever = (_stretches(acc, k).mean(axis=1) for acc in (blocks.acc_body, blocks.acc_lever))
+    normal = np.eye(6) / settings.sd_acc_bias_m_s2**2
+    pull = np.zeros(6)
+    for part, mean, chosen in ((slice(0, 3), mean_body, quiet.body), (slice(3, 6), mean_lever, quiet.lever)):
+        # |acc| - g is the bias along gravity.
+        length = np.linalg.norm(mean[chosen], axis=1, keepdims=True)
+        up = mean[chosen] / length
+        normal[part, part] += up.T @ up / settings.sd_acc_m_s2**2
+        pull[part] += up.T @ (length[:, 0] - _G_M_S2) / settings.sd_acc_m_s2**2
+    q_lever_body = conjugate(q_body_lever)
+    both = np.concatenate([-as_matrix(q_lever_body), np.eye(3)], axis=1)
+    normal += both.T @ both * (shut.sum() / settings.sd_acc_m_s2**2)
+    difference = (mean_lever[shut] - rotate(q_lever_body, mean_body[shut])).sum(axis=0)
+    pull += both.T @ difference / settings.sd_acc_m_s2**2
+    biases = np.asarray(np.linalg.solve(normal, pull), dtype=np.float64)
+    return biases[:3], biases[3:]
