@@ -46,6 +46,15 @@ def test_table_of_one_session_tells_findings_measures_phases_flags_and_what_was_
         assert words in text
 
 
+def test_table_of_many_tells_why_a_session_has_no_grade():
+    """The critical rules that could not be assessed, with the reason; implied and never decided ones are left out."""
+    unseen = made_dose(**dict.fromkeys(("inhalation_start_s", "inhalation_s"), Measure(None, None, "no_tilt_seen")))
+    text = printed(sessions_table([("a", made_report(doses=(unseen,)))]))
+    assert "not assessable" in text
+    assert "no_inhalation  no tilt seen" in text
+    assert "lip_seal" not in text
+
+
 def test_several_doses_are_told_apart_from_one():
     text = printed(session_table(made_report(doses=(made_dose(), made_dose(24.0)))))
     assert "2 doses; shown is the worst verdict of each rule" in text

@@ -221,5 +221,5 @@ def _measures(report: Report) -> str:
         rows.append(f'<tr><th scope="row">{escape(name)}</th>{cells}</tr>')
     if not rows:
         return "<p>Nothing was measured.</p>"
-    head = '<tr><th scope="col">measure</th><th scope="col">value</th><th scope="col">sd</th><th scope="col"></th></tr>'
-    return f"<table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>"
+    head = "".join(f'<th scope="col">{column}</th>' for column in ("measure", "value", "sd", "meaning"))
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"

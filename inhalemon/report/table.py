@@ -27,13 +27,16 @@ _ORDER: Final = (Verdict.FAIL, Verdict.INDETERMINATE, Verdict.PASS, Verdict.NOT_
 
 
 def sessions_table(sessions: Iterable[tuple[str, Report | InhalemonError]]) -> Table:
-    """A row a session: device, points, grade, and each mistake with its value and limit on a line of its own."""
+    """A row a session: device, points, grade, and each mistake with its value and limit on a line of its own.
+
+    Behind the mistakes comes what could not be decided, and which critical rule could not be assessed, and why.
+    """
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     table.add_column("session", no_wrap=True)
     table.add_column("device")
     table.add_column("points", justify="right")
     table.add_column("grade")
-    table.add_column("mistakes; ? is undecided")
+    table.add_column("mistakes; ? is undecided, – not assessed")
     for file, outcome in sessions:
         if isinstance(outcome, Report):
             table.add_row(*_row(outcome))
@@ -65,23 +68,26 @@ def session_table(report: Report) -> RenderableType:
 def _row(report: Report) -> tuple[RenderableType, ...]:
     told = [f for f in report.findings if f.verdict is Verdict.FAIL]
     told += [f for f in report.findings if f.verdict is Verdict.INDETERMINATE]
+    told += [f for f in report.findings if f.verdict is Verdict.NOT_ASSESSABLE and f.severity is Severity.CRITICAL]
     lines = [Text.assemble(_mark(finding), finding.rule, "  ", (_against(finding), "dim")) for finding in told]
     return (
         _plain(report.session_id),
         str(report.device),
         str(report.score.points),
         _grade(report),
-        Text("\n").join(lines) if lines else Text("none", "green" if report.doses else "dim"),
+        Text("\n").join(lines) if lines else Text("none" if report.findings else "", "green"),
     )
 
 
 def _mark(finding: Finding) -> tuple[str, str]:
     if finding.verdict is Verdict.FAIL and finding.severity is not None:
         return f"{finding.severity:<9}", _SEVERITY_STYLE[finding.severity]
-    return "?        ", "dim"
+    return f"{'?' if finding.verdict is Verdict.INDETERMINATE else '–':<9}", "dim"
 
 
 def _against(finding: Finding) -> str:
+    if finding.verdict is Verdict.NOT_ASSESSABLE:
+        return _clean(in_words(finding.reason or ""))
     if finding.value is None or finding.limit is None:
         return ""
     return f"{number(finding.value, finding.unit)}, limit {number(finding.limit, finding.unit)}"
