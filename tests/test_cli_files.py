@@ -67,6 +67,29 @@ def test_a_converted_recording_is_the_same_recording(two, tmp_path, form):
     np.testing.assert_allclose(after.lever.time_s, before.lever.time_s, atol=1e-6)
 
 
+def test_a_motion_bids_session_holds_the_same_numbers(two, tmp_path):
+    assert run(["convert", str(two / "good.csv.gz"), "--to", "motion-bids", "--out", str(tmp_path)]) == 0
+    recording = read_recording(two / "good.csv.gz")
+    subject = f"sub-{recording.patient_ref.replace('-', '')}"
+    stem = f"{subject}_ses-good_task-inhalation_tracksys-lever"
+    motion = tmp_path / subject / "ses-good" / "motion"
+    rows = np.loadtxt(motion / f"{stem}_motion.tsv", delimiter="\t")
+    lever = recording.lever
+    np.testing.assert_allclose(rows, np.column_stack([lever.time_s, lever.acc_m_s2, lever.gyr_rad_s]), rtol=1e-8)
+    names = [line.split("\t")[0] for line in (motion / f"{stem}_channels.tsv").read_text().splitlines()]
+    assert names == ["name", "latency", "acc_x", "acc_y", "acc_z", "gyr_x", "gyr_y", "gyr_z"]
+    about = json.loads((motion / f"{stem}_motion.json").read_bytes())
+    assert about["SamplingFrequency"] == pytest.approx(lever.rate_hz)
+    assert (tmp_path / "participants.tsv").read_text() == f"participant_id\n{subject}\n"
+
+
+def test_a_motion_bids_session_is_never_overwritten(two, tmp_path, capsys):
+    command = ["convert", str(two / "good.csv.gz"), "--to", "motion-bids", "--out", str(tmp_path)]
+    assert run(command) == 0
+    assert run(command) == 3
+    assert "already there" in capsys.readouterr().err
+
+
 def test_converting_goes_on_after_a_bad_file(two, tmp_path, capsys):
     assert run(["convert", str(two), "--to", "csv", "--out", str(tmp_path)]) == 3
     told = capsys.readouterr()

@@ -19,12 +19,12 @@ def add_to(app: typer.Typer) -> None:
 
 def convert(
     paths: RecordingPaths,
-    to: Annotated[Literal["csv", "csv.gz", "csv.zst", "parquet"], typer.Option(help="The form.")],
+    to: Annotated[Literal["csv", "csv.gz", "csv.zst", "parquet", "motion-bids"], typer.Option(help="The form.")],
     out: Annotated[Path, typer.Option(metavar="FOLDER", help="Where the files go; made when it is not there.")],
     device: DeviceOption = None,
 ) -> None:
-    """Write recordings in another form, each named by its session id."""
-    from inhalemon.recording import write_recording
+    """Write recordings as CSV or Parquet, or into a Motion-BIDS dataset, each named by its session id."""
+    from inhalemon.recording import write_motion_bids, write_recording
 
     profile = device_of(device)
     found = sources(paths)
@@ -33,12 +33,15 @@ def convert(
     for source in found:
         try:
             recording = read_source(source, profile)
+            if to == "motion-bids":
+                path = write_motion_bids(recording, out)
+            else:
+                path = out / f"{recording.session_id}.{to}"
+                write_recording(recording, path)
         except RecordingError as error:
             is_any_unusable = True
             tell(str(error))
-            continue
-        path = out / f"{recording.session_id}.{to}"
-        write_recording(recording, path)
-        typer.echo(path)
+        else:
+            typer.echo(path)
     if is_any_unusable:
         raise typer.Exit(UNUSABLE_RECORDING)
