@@ -49,12 +49,12 @@ def run_batch(
         while next_index < len(jobs):
             for worker in workers:
                 horizon = next_index + AHEAD_PER_WORKER * len(workers)
-                if worker.job is None and waiting and waiting[0][0] < horizon:
+                if worker.held is None and waiting and waiting[0][0] < horizon:
                     worker.give(*waiting.popleft())
-            busy = {worker.connection: worker for worker in workers if worker.job is not None}
+            busy = {worker.connection: worker for worker in workers if worker.held is not None}
             for connection in wait(list(busy)):
                 worker = busy[connection]  # type: ignore[index]  # wait() is typed for sockets and handles too
-                index, job = worker.index, worker.taken()
+                index, job = worker.taken()
                 try:
                     done[index] = worker.connection.recv()
                 except (EOFError, OSError):
@@ -74,8 +74,7 @@ def run_batch(
 class _Worker(Generic[Job, Result]):
     process: BaseProcess
     connection: Connection
-    index: int = -1
-    job: Job | None = None
+    held: tuple[int, Job] | None = None  # the job it works on, and its place in the batch
 
     @classmethod
     def started(cls, context: ForkServerContext, task: Callable[[Job], Result]) -> _Worker[Job, Result]:
@@ -86,14 +85,14 @@ class _Worker(Generic[Job, Result]):
         return cls(process, ours)
 
     def give(self, index: int, job: Job) -> None:
-        self.index, self.job = index, job
+        self.held = index, job
         with contextlib.suppress(OSError):  # it has died between two jobs; reading its answer will tell
             self.connection.send(job)
 
-    def taken(self) -> Job:
-        job, self.job = self.job, None
-        assert job is not None
-        return job
+    def taken(self) -> tuple[int, Job]:
+        held, self.held = self.held, None
+        assert held is not None
+        return held
 
     def ended(self) -> int | None:
         """The process's exit code once it has ended, which closing its connection makes it do."""
