@@ -11,7 +11,7 @@ from inhalemon.exceptions import RecordingError
 from inhalemon.recording import layout
 from inhalemon.recording.csv_table import RowBlock, not_finite
 from inhalemon.recording.layout import Columns
-from inhalemon.values import FloatArray, SensorName
+from inhalemon.values import BoolArray, FloatArray, SensorName
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +41,13 @@ def gather(blocks: Iterable[tuple[Columns, RowBlock]], *, file: str) -> dict[Sen
     gathered = {name: _Gathered() for name in SensorName}
     for columns, block in blocks:
         _check_values(columns, block, file)
-        if not block.is_lever.any():
-            _add(gathered[SensorName.BODY], block.values, None, columns, block.first_line, file)
-        elif block.is_lever.all():
-            _add(gathered[SensorName.LEVER], block.values, None, columns, block.first_line, file)
-        else:
-            for name, chosen in ((SensorName.BODY, ~block.is_lever), (SensorName.LEVER, block.is_lever)):
-                rows = np.flatnonzero(chosen)
-                _add(gathered[name], block.values[rows], rows, columns, block.first_line, file)
+        faults = [
+            fault
+            for name, is_its in ((SensorName.BODY, ~block.is_lever), (SensorName.LEVER, block.is_lever))
+            if (fault := _add(gathered[name], columns, block, is_its, file)) is not None
+        ]
+        if faults:
+            raise min(faults, key=lambda fault: fault.line or 0)
     if not any(sensor.n_samples for sensor in gathered.values()):
         raise RecordingError("empty", file=file, found="no row after the header", wanted="rows of both sensors")
     return {name: _finished(name, sensor, file) for name, sensor in gathered.items()}
@@ -75,19 +74,22 @@ def _check_values(columns: Columns, block: RowBlock, file: str) -> None:
     )
 
 
-def _add(
-    sensor: _Gathered, values: FloatArray, rows: np.ndarray | None, columns: Columns, first_line: int, file: str
-) -> None:
+def _add(sensor: _Gathered, columns: Columns, block: RowBlock, is_its: BoolArray, file: str) -> RecordingError | None:
+    """Adds the rows of one sensor; returns what is wrong with their times, if anything is."""
+    rows = np.flatnonzero(is_its)
+    if rows.size == 0:
+        return None
+    values = block.values if rows.size == len(block.values) else block.values[rows]
     time = np.ascontiguousarray(values[:, columns.time])
     steps = np.diff(time, prepend=sensor.last_time_s)
     if (steps <= 0).any():
         at = int(np.argmax(steps <= 0))
         before = time[at - 1] if at else sensor.last_time_s
         what = "equal to" if steps[at] == 0 else "earlier than"
-        raise RecordingError(
+        return RecordingError(
             "time_not_increasing",
             file=file,
-            line=first_line + int(rows[at] if rows is not None else at),
+            line=block.first_line + int(rows[at]),
             column="time_s",
             found=f"{time[at]:.10g}, {what} the same sensor's {before:.10g} before",
             wanted="times that increase within a sensor",
@@ -96,12 +98,13 @@ def _add(
     sensor.last_time_s = float(time[-1])
     sensor.n_samples += time.size
     if sensor.n_samples > layout.MAX_SAMPLES:
-        raise _too_long(file, f"more than {layout.MAX_SAMPLES} samples of one sensor")
+        return _too_long(file, f"more than {layout.MAX_SAMPLES} samples of one sensor")
     sensor.time.append(time)
     sensor.acc.append(values[:, columns.acc] * columns.acc_factor)
     sensor.gyr.append(values[:, columns.gyr] * columns.gyr_factor)
     if columns.mag:
         sensor.mag.append(values[:, columns.mag])
+    return None
 
 
 def _finished(name: SensorName, sensor: _Gathered, file: str) -> RawSensor:

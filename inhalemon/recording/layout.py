@@ -94,7 +94,9 @@ def columns_from_names(names: tuple[str, ...], *, file: str) -> Columns:
     for position, name in enumerate(names):
         if name not in known:
             found = "an empty name" if not name.strip() else "an unknown column"
-            raise refuse(shortened(name), found, "Leave out what the format does not name")
+            raise refuse(
+                shortened(name).strip() or f"column {position + 1}", found, "Leave out what the format does not name"
+            )
         if name in names[:position]:
             raise refuse(name, "there twice", "Keep one")
     for wanted in ("sensor", "time_s"):
