@@ -77,22 +77,30 @@ class Heading:
 
 
 def heading_difference(
-    blocks: Blocks, axis_body: FloatArray, axis_lever: FloatArray, settings: LeverSettings, *, smooth: bool
+    blocks: Blocks,
+    axis_body: FloatArray,
+    axis_lever: FloatArray,
+    settings: LeverSettings,
+    *,
+    smooth: bool,
+    is_shut_first: bool,
 ) -> Heading:
     """The slow heading between the two rooms, block by block, from a Kalman filter with the states offset and rate.
 
     With `smooth`, every block is used for every block (Rauch, Tung and Striebel's smoother); without, those up to it.
-    A block that shows little of the hinge counts little, one that disagrees wildly is given a larger variance.
+    A block that shows little of the hinge counts little, one that disagrees wildly is given a larger variance. A lever
+    that is probably shut at first (`is_shut_first`) starts with its frame parallel to the body's, about.
     """
     seen = blocks.level @ axis_lever @ axis_body
-    start = math.atan2(seen[0].imag, seen[0].real)
+    start = blocks.level[0].trace() if is_shut_first else seen[0]
+    sd_start_rad = settings.sd_shut_first_rad if is_shut_first else math.pi
     measured = np.angle(seen).tolist()
     shown = np.abs(seen).tolist()
     steps = np.diff(blocks.time_s, prepend=blocks.time_s[0]).tolist()
     walk = settings.heading_walk_rad_s**2
     scatter = settings.scatter_factor * _scatter(blocks, np.abs(seen), axis_body, axis_lever, settings, centred=smooth)
-    x, rate = start, 0.0
-    p00, p01, p11 = math.pi**2, 0.0, settings.sd_heading_rate_rad_s**2
+    x, rate = math.atan2(start.imag, start.real), 0.0
+    p00, p01, p11 = sd_start_rad**2, 0.0, settings.sd_heading_rate_rad_s**2
     told: list[tuple[float, float, float, float, float]] = []
     known: list[tuple[float, float, float, float, float]] = []
     for dt, angle, size, white in zip(steps, measured, shown, scatter.tolist(), strict=True):
@@ -175,7 +183,9 @@ def _smooth(
         )
 
 
-def fit_axes(blocks: Blocks, axis: FloatArray, settings: LeverSettings) -> tuple[FloatArray, FloatArray]:
+def fit_axes(
+    blocks: Blocks, axis: FloatArray, settings: LeverSettings, *, is_shut_first: bool
+) -> tuple[FloatArray, FloatArray]:
     """The hinge axis on the body and on the lever, from the blocks, with `axis` as what was known before.
 
     Each of `n_axis_fits` rounds takes the heading from the axes so far, then one Gauss-Newton step on |u - v|^2 over
@@ -187,7 +197,7 @@ def fit_axes(blocks: Blocks, axis: FloatArray, settings: LeverSettings) -> tuple
     share = settings.block_s / settings.axis_memory_s
     ramp = np.stack([np.ones(len(blocks)), np.linspace(-1.0, 1.0, len(blocks))])
     for _ in range(settings.n_axis_fits):
-        heading = heading_difference(blocks, axis_body, axis_lever, settings, smooth=True)
+        heading = heading_difference(blocks, axis_body, axis_lever, settings, smooth=True, is_shut_first=is_shut_first)
         turned = np.exp(-1j * heading.rad)[:, None, None] * blocks.level
         weight = share / _scatter(blocks, np.abs(turned @ axis_lever @ axis_body), axis_body, axis_lever, settings)
         # |u - v|^2 is 2 - 2 axis_body @ (turned.real + upright) @ axis_lever; turned.imag is its slope with heading.

@@ -127,11 +127,11 @@ class LeverSettings:
     smooth: bool = True
     # The heading between the two rooms: a Kalman filter on blocks.
     block_s: float = 0.2
-    sd_heading_block_rad: float = math.radians(6.0)  # of one block of a level hinge; errors last longer than a block
     sd_hinge_rad: float = math.radians(1.0)
     sd_hinge_blocks: float = 5.0
     scatter_window_s: float = 3.0
     scatter_factor: float = 3.0
+    sd_shut_first_rad: float = math.radians(30.0)  # of a device that is usually shut at first
     sd_heading_rate_rad_s: float = math.radians(0.5)  # what is left of the gyros' bias at the start
     heading_walk_rad_s: float = math.radians(0.02)  # its random walk, per square root of a second
     min_shown: float = 0.03  # of 1: blocks in which the hinge is more upright than this say nothing

@@ -38,8 +38,8 @@ def calibrate(
     n = time_s.size
     blocks = Blocks.of(body, lever, settings.block_s)
     if settings.smooth:
-        axis_body, axis_lever = fit_axes(blocks, axis, settings)
-        heading = heading_difference(blocks, axis_body, axis_lever, settings, smooth=True)
+        axis_body, axis_lever = fit_axes(blocks, axis, settings, is_shut_first=has_shut_state)
+        heading = heading_difference(blocks, axis_body, axis_lever, settings, smooth=True, is_shut_first=has_shut_state)
         q_shut, sd_shut_rad = from_two_vectors(axis_body, axis_lever), 0.0
         if has_shut_state:
             q_shut, sd_shut_rad = _shut(body, lever, blocks.first, heading.rad, axis_body, q_shut, settings)
@@ -53,8 +53,12 @@ def calibrate(
     result = Calibration(np.empty((n, 3)), np.empty((n, 4)), np.empty(n), np.empty(n), np.empty(n))
     ends = np.append(blocks.first[1:], n)
     for begin, end in _doubling(len(blocks), settings.first_fit_blocks):
-        axis_body, axis_lever = fit_axes(blocks[:begin], axis, settings) if begin else (axis, axis)
-        heading = heading_difference(blocks[:end], axis_body, axis_lever, settings, smooth=False)
+        axis_body, axis_lever = (
+            fit_axes(blocks[:begin], axis, settings, is_shut_first=has_shut_state) if begin else (axis, axis)
+        )
+        heading = heading_difference(
+            blocks[:end], axis_body, axis_lever, settings, smooth=False, is_shut_first=has_shut_state
+        )
         q_shut, sd_shut_rad = from_two_vectors(axis_body, axis_lever), settings.sd_zero_rad * has_shut_state
         if has_shut_state and begin:
             past = blocks.first[:begin]
