@@ -130,9 +130,13 @@ def _fit(body: _Rates, lever: _Rates, settings: ClockSettings, *, lever_moves: b
 
     def refined(model: _Model, reference_s: float, half_s: float) -> _Fitted | None:
         chosen = np.flatnonzero(lever.is_good & (np.abs(lever.time_s - reference_s) <= half_s))
-        if chosen.size > settings.max_samples:  # the steepest ones say nearly all
-            steepest = np.argpartition(steepness[chosen], -settings.max_samples)[-settings.max_samples :]
-            chosen = np.sort(chosen[steepest])
+        if chosen.size > settings.max_samples:
+            # The steepest samples say most of the offset; drift needs some of every second.
+            half = settings.max_samples // 2
+            order = np.argpartition(steepness[chosen], -half)
+            rest = np.sort(order[:-half])
+            spread = rest[:: -(-rest.size // half)]
+            chosen = chosen[np.sort(np.concatenate([order[-half:], spread]))]
         return _refine(body, lever, chosen, model, reference_s, settings, lever_moves=lever_moves)
 
     found: _Fitted | None = None
