@@ -1,13 +1,12 @@
-"""Builds the filter's kernel when there is a C compiler; without one the install goes on and Python runs it."""
+"""Builds the filters' kernels when there is a C compiler; without one the install goes on and Python runs it."""
 
 from setuptools import Extension, setup
 
-# No fast-math and no contraction: the compiled kernel and the Python form must agree to the bit.
-kernel = Extension(
-    "inhalemon._attitude_kernel",
-    ["inhalemon/_attitude_kernel.py"],
-    extra_compile_args=["-O3", "-ffp-contract=off"],
-)
+# No fast-math and no contraction: a compiled kernel and its Python form must agree to the bit.
+kernels = [
+    Extension(f"inhalemon.{name}", [f"inhalemon/{name}.py"], extra_compile_args=["-O3", "-ffp-contract=off"])
+    for name in ("_attitude_kernel", "_source_kernel")
+]
 
 
 def extensions() -> list[Extension]:
@@ -23,7 +22,7 @@ def extensions() -> list[Extension]:
         "annotation_typing": False,
         "initializedcheck": False,
     }
-    built: list[Extension] = cythonize([kernel], compiler_directives=directives)
+    built: list[Extension] = cythonize(kernels, compiler_directives=directives)
     for extension in built:
         extension.optional = True  # said here, because cythonize makes new extensions and forgets it
     return built

@@ -1,65 +1,145 @@
 # C types for _attitude_kernel.py; it is the same program without them.
+# Indices are Py_ssize_t: with a narrower type the compiler cannot turn the loops into vector instructions.
 cimport cython
 
 @cython.final
 cdef class AttitudeFilter:
-    cdef public double gyr_q, rate_q, bias_q, acc_q, gyr_saturated_q, acc_saturated_q
-    cdef public double gap_s, reset_gap_s, gap_rate_var, gap_acc_var
+    cdef public double update_s, gyr_delay_s, gyr_q, rate_q, bias_q, acc_q, clip_rate, clip_acc, gyr_saturated_q, acc_saturated_q
+    cdef double started_s
+    cdef double[3] start_f
+    cdef public double start_s, gap_s, reset_gap_s, gap_rate_var, gap_acc_var
     cdef public double tilt_var, velocity_var, bias_var
-    cdef public double r_factor, r_start, r_floor, window_s
+    cdef public double r_factor, r_start, r_start_s, r_floor, window_s
     cdef public bint r_is_constant
     cdef public double rest_rate, rest_acc, rest_min_s, rest_bias_q, rest_bias_gate, rest_r
-    cdef public bint is_started
+    cdef public bint is_started, has_rested
     cdef public double[4] q
     cdef public double[3] b
     cdef public double[2] v
     cdef public double[56] p
     cdef double[3] w
+    cdef double[3] acc
+    cdef int gyr_same, acc_same
     cdef double[2] f
     cdef double[2] mean_y
-    cdef double mean_yy, mean_hph, seen_s
+    cdef double mean_yy, mean_hph, hph, seen_s
     cdef double[3] rest_w
     cdef double[3] rest_a
     cdef public double rest_s, r
-    cdef double[8] d
+    cdef double dt
     cdef double[6] a
-    cdef double c
-    cdef int n_updates
+    cdef double c, tilt_noise, velocity_noise
+    cdef int event
+    cdef double[8] d
+    cdef Py_ssize_t n_updates
+    cdef Py_ssize_t[5] i
     cdef double[40] k
     cdef double[5] y
     cdef double[5] s
 
     @cython.locals(
-        i=cython.int, j=cython.int, q=cython.p_double, p=cython.p_double,
-        fx=double, fy=double, fz=double, n=double, cw=double, cx=double, cy=double,
+        q=cython.p_double, m=cython.p_double, g=double, fx=double, fy=double, fz=double, n=double, cw=double, cx=double, cy=double,
         qw=double, qx=double, qy=double, qz=double)
-    cpdef void start(self, double ax, double ay, double az) noexcept
+    cdef void start(self, double dt, double ax, double ay, double az) noexcept
+
+    @cython.locals(p=cython.p_double, i=cython.Py_ssize_t, j=cython.Py_ssize_t)
+    cpdef void begin(self) noexcept
+
+    @cython.locals(i=cython.Py_ssize_t)
+    cpdef void take(self, AttitudeFilter other) noexcept
+
+    @cython.locals(i=cython.Py_ssize_t)
+    cdef void gather(self) noexcept
 
     @cython.locals(
-        i=cython.int, j=cython.int, q=cython.p_double, b=cython.p_double, p=cython.p_double,
-        ux=double, uy=double, uz=double, gx=double, gy=double, gz=double, c=double, hx=double, hy=double, hz=double,
-        rate2=double, r00=double, r01=double, r02=double, r10=double, r11=double, r12=double, fx=double, fy=double,
-        fz=double, a0=double, a1=double, a2=double, a3=double, a4=double, a5=double, tilt_var=double,
-        velocity_var=double, was_rest_s=double, is_rest=cython.bint, vx=double, vy=double, g=double, r=double, s=double)
+        q=cython.p_double, b=cython.p_double, c=double, hx=double, hy=double, ux=double, uy=double, uz=double, gx=double, gy=double, gz=double,
+        r00=double, r01=double, r02=double, r10=double, r11=double, r12=double, fx=double, fy=double, fz=double)
     cpdef void step(
         self, double dt, double wx, double wy, double wz, double ax, double ay, double az, int flags, double r_given
     ) noexcept
 
     @cython.locals(
-        n=cython.int, q=cython.p_double, x=double, s=double, w=double, qw=double, qx=double, qy=double, qz=double)
+        b=cython.p_double, p=cython.p_double, is_rest=cython.bint, vx=double, vy=double, g=double, r=double, s=double,
+        i=cython.Py_ssize_t)
+    cdef void correct(self, double r_given, double fz) noexcept
+
+    @cython.locals(
+        p=cython.p_double, a0=double, a1=double, a2=double, a3=double, a4=double, a5=double, c=double,
+        i=cython.Py_ssize_t, j=cython.Py_ssize_t)
+    cdef void grow(self) noexcept
+
+    @cython.locals(c=double)
+    cdef void integrate(self, double dt, double ux, double uy, double uz, double gx, double gy, double gz) noexcept
+
+    @cython.locals(q=cython.p_double, cw=double, cz=double, n=double)
+    cdef void take_tilt(self, double w, double x, double y, double z) noexcept
+
+    @cython.locals(
+        q=cython.p_double, n=cython.Py_ssize_t, x=double, s=double, w=double, qw=double, qx=double, qy=double, qz=double)
     cdef void turn(self, double hx, double hy, double hz) noexcept
 
     @cython.locals(q=cython.p_double, n=double, s=double, qw=double, qx=double, qy=double, qz=double)
     cdef void tilt(self, double hx, double hy) noexcept
 
-    @cython.locals(p=cython.p_double, n=cython.int, j=cython.int, m=cython.int, y=double, s=double, h="double[8]")
-    cdef void update(self, int i, double error, double var) noexcept
+    @cython.locals(p=cython.p_double, h="double[8]", k="double[8]", s=double, y=double, j=cython.Py_ssize_t)
+    cdef void update(self, Py_ssize_t i, double error, double var) noexcept
 
     @cython.locals(u=cython.p_double, f=cython.p_double, g=double)
     cdef void look_for_rest(
         self, double dt, double wx, double wy, double wz, double ax, double ay, double az) noexcept
 
-    @cython.locals(n=cython.Py_ssize_t, i=cython.int, dt=double)
+    @cython.locals(n=cython.Py_ssize_t, i=cython.Py_ssize_t, dt=double)
     cpdef void run(
-        self, const double[::1] time_s, const double[:, ::1] gyr, const double[:, ::1] acc, const unsigned char[::1] flags,
-        double[:, ::1] out_q, double[:, ::1] out_b, double[::1] out_var, double[::1] out_r)
+        self, const double[::1] time_s, const double[:, ::1] gyr, const double[:, ::1] acc,
+        const unsigned char[::1] flags, double[:, ::1] out_q, double[:, ::1] out_b, double[::1] out_var,
+        double[::1] out_r, double[:, ::1] out_y)
+
+    @cython.locals(i=cython.Py_ssize_t)
+    cpdef void write(
+        self, Py_ssize_t n, double[:, ::1] out_q, double[:, ::1] out_b, double[::1] out_var, double[::1] out_r,
+        double[:, ::1] out_y) noexcept
+
+    @cython.locals(dt=double, n=cython.Py_ssize_t)
+    cpdef void skip(
+        self, const double[::1] time_s, const double[:, ::1] gyr, const double[:, ::1] acc,
+        const unsigned char[::1] flags, const double[::1] r, Py_ssize_t first, Py_ssize_t last)
+
+    @cython.locals(n_rows=cython.Py_ssize_t, dt=double, n=cython.Py_ssize_t, i=cython.Py_ssize_t, u=cython.Py_ssize_t)
+    cpdef Py_ssize_t write_tape(
+        self, const double[::1] time_s, const double[:, ::1] gyr, const double[:, ::1] acc,
+        const unsigned char[::1] flags, const double[::1] r, Py_ssize_t first, Py_ssize_t last, double[:, ::1] tape,
+        Py_ssize_t[:, ::1] marks)
+
+
+@cython.final
+cdef class Smoother:
+    cdef double[8] lam
+    cdef double[56] big
+
+    @cython.locals(
+        x="double[8]", q="double[4]", row=cython.Py_ssize_t, n=cython.Py_ssize_t, i=cython.Py_ssize_t,
+        j=cython.Py_ssize_t, hx=double, hy=double, s=double)
+    cpdef void run(
+        self, const double[:, ::1] tape, const Py_ssize_t[:, ::1] marks, Py_ssize_t n_rows, double[:, ::1] out_q,
+        double[:, ::1] out_b, double[::1] out_var)
+
+    @cython.locals(
+        lam=cython.p_double, big=cython.p_double, w="double[8]", n_updates=cython.Py_ssize_t, u=cython.Py_ssize_t,
+        at=cython.Py_ssize_t, m=cython.Py_ssize_t, i=cython.Py_ssize_t, j=cython.Py_ssize_t, s=double, c=double)
+    cdef void step_back(self, const double[:, ::1] tape, const Py_ssize_t[:, ::1] marks, Py_ssize_t row) noexcept
+
+
+@cython.locals(turner=AttitudeFilter, i=cython.Py_ssize_t, n=cython.Py_ssize_t)
+cpdef void fill(
+    const double[::1] time_s, const double[:, ::1] gyr, const unsigned char[::1] is_row, double[:, ::1] out_q,
+    double[:, ::1] out_b, double[::1] out_var)
+
+@cython.locals(
+    mean_x=double, mean_y=double, mean_yy=double, mean_hph=double, seen_s=double, future=double,
+    after=cython.Py_ssize_t, n=cython.Py_ssize_t, g=double)
+cpdef void centred_r(
+    const double[::1] time_s, const double[:, ::1] y, double window_s, double floor, double[::1] r)
+
+@cython.locals(
+    n=cython.Py_ssize_t, hx=double, hy=double, hz=double, s=double, qw=double, qx=double, qy=double, qz=double)
+cpdef void look_ahead(const double[:, ::1] gyr, const double[:, ::1] b, double delay_s, double[:, ::1] out_q)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,8 +47,10 @@ def estimate_tracks(recording: Recording, settings: Settings | None = None, *, d
     recording = as_recorded
     if has_shut_state and settings.sensors.is_used:
         recording = correct_sensors(as_recorded, axis, settings.sensors)
-    body = estimate_attitude(recording.body, settings.attitude)
-    lever = resample_attitude(estimate_attitude(recording.lever, settings.attitude), body.time_s)
+    # A delay that both sensors share only shifts the clock: angles and phases stay on the samples' own time.
+    attitude = replace(settings.attitude, gyr_delay_s=0.0)
+    body = estimate_attitude(recording.body, attitude)
+    lever = resample_attitude(estimate_attitude(recording.lever, attitude), body.time_s)
     calibration = calibrate(body, lever, axis, settings.lever, has_shut_state=has_shut_state)
     angle = lever_angle(body, lever, calibration)
     quality = assess_quality(

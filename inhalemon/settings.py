@@ -83,35 +83,61 @@ class SensorSettings:
 
 @dataclass(frozen=True, slots=True)
 class AttitudeSettings:
-    """How attitude is estimated from one sensor's rates and specific force."""
+    """How attitude is estimated from one sensor's rates and specific force.
+
+    Numbers come from data sheets (MPU-9250, LSM9DS1) and from how hands move; none was fitted to one recording.
+    """
 
     method: AttitudeMethod = AttitudeMethod.AKF
-    smooth: bool = True
-    gyr_noise_deg_sqrt_s: float = 0.01  # MPU-9250 datasheet: 0.01 deg/s/sqrt(Hz)
-    gyr_scale_error: float = 0.01
-    gyr_scale_time_s: float = 0.3
+    smooth: bool = True  # use the whole recording for every sample; False: only what came before, as while recording
+    is_adaptive: bool = True  # False: R stays `r_start_m2_s2` (for comparison)
+    update_s: float = 0.02  # between corrections; hands and drift are slow beside it
+
+    # the sensor's errors
+    gyr_delay_s: float = 0.002  # the gyro's low-pass is late: MPU-9250, 1 ms at 250 Hz, 2.9 ms at 184, 3.9 ms at 92
+    sd_delay_s: float = 0.001
+    gyr_noise_deg_sqrt_s: float = 0.01  # MPU-9250: 0.01 deg/s/sqrt(Hz)
+    gyr_scale_error: float = 0.004  # noise that grows with the rate: scale and axes are off by so much ...
+    gyr_scale_time_s: float = 0.3  # ... and a stroke of a hand lasts so long
     bias_walk_deg_s_sqrt_s: float = 0.01
     acc_noise_m_s_sqrt_s: float = 0.01
-    gyr_saturated_deg_sqrt_s: float = 100.0
-    acc_saturated_m_s_sqrt_s: float = 10.0
-    gap_s: float = 0.05
-    reset_gap_s: float = 1.0
+    sd_acc_bias_m_s2: float = 0.05  # what is left of the offset (data sheets: 60-90 mg before trimming)
+
+    # samples that cannot be trusted
+    clip_rate_deg_s: float = 200.0  # the same reading three times running, beyond this, is taken for clipped
+    clip_acc_m_s2: float = 15.0
+    gyr_saturated_deg_sqrt_s: float = 30.0
+    acc_saturated_m_s_sqrt_s: float = 3.0
+    gap_s: float = 0.05  # steps longer than this are gaps: the rate between is unknown by `gap_rate_deg_s`
     gap_rate_deg_s: float = 60.0
     gap_acc_m_s2: float = 2.0
-    sd_start_tilt_deg: float = 20.0
-    sd_start_velocity_m_s: float = 0.5
-    sd_start_bias_deg_s: float = 3.0
-    sd_acc_bias_m_s2: float = 0.05
-    r_factor_s: float = 0.6
-    r_start_m2_s2: float = 0.1
-    r_floor_m2_s2: float = 0.01
+    reset_gap_s: float = 1.0  # after a longer gap the tilt starts anew
+
+    # the start
+    start_s: float = 1.0  # while recording: so long the tilt is that of the mean specific force
+    sd_start_tilt_deg: float = 40.0
+    sd_start_velocity_m_s: float = 1.0
+    sd_start_bias_deg_s: float = 2.0  # MPU-9250: +-5 deg/s; what a rest shows is believed beyond it
+
+    # the measurement "the velocity is zero, give or take R"
     window_s: float = 3.0
-    rest_rate_deg_s: float = 2.0
+    r_factor_s: float = 1.0  # twice the time in which a hand's velocity forgets itself, 0.5 s
+    r_floor_m2_s2: float = 0.01
+    r_start_m2_s2: float = 0.5  # before the window has seen anything, counted as `r_start_s` of it
+    r_start_s: float = 2.0
+
+    # rest, where the gyro reads its bias
+    rest_rate_deg_s: float = 2.0  # the largest deviation from the mean of a rest
     rest_acc_m_s2: float = 0.5
     rest_min_s: float = 1.5
     rest_bias_deg_sqrt_s: float = 0.05
     rest_bias_gate_deg_s: float = 1.0
     rest_r_m_sqrt_s: float = 0.02
+
+    # the source's filter: noises of the MPU-9250's data sheet; it names no window
+    source_gyr_noise_deg_s: float = 0.1
+    source_acc_noise_m_s2: float = 0.08
+    source_window_n: int = 50
 
     def __post_init__(self) -> None:
         try:
