@@ -136,7 +136,7 @@ class Performance:
         s, rng = self.subject, self.rng
         hz = hz or s.shake_hz * float(rng.uniform(0.94, 1.06))
         amplitude = (acc_m_s2 or s.shake_m_s2 * float(rng.uniform(0.93, 1.07))) / (2 * np.pi * hz) ** 2
-        sine, cosine = np.zeros((2, N_COORDINATES)), np.zeros((2, N_COORDINATES))
+        sine, cosine = np.zeros((3, N_COORDINATES)), np.zeros((3, N_COORDINATES))
         sideways, forward = rng.uniform(-0.25, 0.25), rng.uniform(-0.4, 0.4)
         sine[0, [X, Y, Z]] = amplitude * np.array([sideways, forward, 1.0])
         sine[1, Z] = amplitude * rng.uniform(-0.05, 0.05)
@@ -144,7 +144,10 @@ class Performance:
         lag = rng.uniform(-0.6, 0.6)
         sine[0, PITCH], cosine[0, PITCH] = s.shake_wrist_rad * np.cos(lag), s.shake_wrist_rad * np.sin(lag)
         sine[0, ROLL] = s.shake_wrist_rad * rng.uniform(-0.3, 0.3)
-        ramp_s = min(0.5 / hz, duration_s / 4)
+        sine[2] = 0.1 * rng.uniform(0.0, 1.0) * sine[0]  # beats with the first: no two strokes are alike
+        # The lever rattles in its play.
+        sine[0, LEVER] = float(rng.uniform(0.0, 0.3)) * _DEG
+        ramp_s = min(0.7 / hz, duration_s / 4)
         start_s, end_s = self.now_s, self.now_s + duration_s
         self._waves.append(
             Wave(
@@ -152,7 +155,7 @@ class Performance:
                 ramp_s,
                 end_s - ramp_s,
                 ramp_s,
-                np.array([hz, 2 * hz]),
+                np.array([hz, 2 * hz, hz - 0.37]),
                 sine,
                 cosine,
                 warp_depth=float(rng.uniform(0.0, 0.08)),
