@@ -9,7 +9,7 @@ PYTEST_JOBS ?= 2
 ARGS ?=
 export PYTHONPATH := $(CURDIR)
 
-SOURCES := pyproject.toml requirements.lock setup.py $(wildcard inhalemon/stages/*.pyx inhalemon/stages/*.pxd)
+SOURCES := pyproject.toml requirements.lock setup.py $(wildcard inhalemon/_*kernel.py inhalemon/_*kernel.pxd)
 
 .PHONY: demo test check bench bench-api validate serve setup lock clean
 

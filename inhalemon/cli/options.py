@@ -28,7 +28,7 @@ def _device_names(incomplete: str) -> list[str]:
 
 RecordingPath = Annotated[str, typer.Argument(metavar="PATH", help="A recording, or - for standard input.")]
 RecordingPaths = Annotated[
-    list[str], typer.Argument(metavar="PATH...", help="Recordings, folders to walk, or - for standard input.")
+    list[str], typer.Argument(metavar="PATH", help="Recordings, folders to walk, or - for standard input.")
 ]
 DeviceOption = Annotated[
     str | None,
