@@ -13,11 +13,27 @@ from inhalemon.signals import resample_attitude
 from inhalemon.stages.attitude import estimate_attitude
 from inhalemon.stages.calibrate import calibrate
 from inhalemon.stages.clocks import align_clocks
-from inhalemon.stages.findings import apply_rules, score
+from inhalemon.stages.doses import split_doses
+from inhalemon.stages.events import find_events
+from inhalemon.stages.findings import apply_rules, score, worst_dose, worst_findings
 from inhalemon.stages.lever import lever_angle
+from inhalemon.stages.measures import measure_dose
+from inhalemon.stages.motion import describe_motion
+from inhalemon.stages.phases import find_phases
 from inhalemon.stages.quality import assess_quality
 from inhalemon.stages.sensors import correct_sensors
-from inhalemon.values import AttitudeTrack, Calibration, ClockFit, DeviceKind, LeverTrack, Quality, Recording, Report
+from inhalemon.stages.shakes import find_shakes
+from inhalemon.values import (
+    AttitudeTrack,
+    Calibration,
+    ClockFit,
+    DeviceKind,
+    Dose,
+    LeverTrack,
+    Quality,
+    Recording,
+    Report,
+)
 
 # Raised whenever a score of the same recording can move.
 PIPELINE_VERSION = "1"
@@ -89,7 +105,30 @@ def report_of(tracks: Tracks, settings: Settings, *, rules: RuleSet | None = Non
     """The report of a recording whose tracks are already there (a page needs both)."""
     rules = rules or load_rules()
     recording = tracks.recording
-    findings = apply_rules({}, device, rules)
+    unusable = None if tracks.quality.usable else "recording_not_usable"
+
+    motion = describe_motion(recording, tracks.body, tracks.angle, settings.motion)
+    shakes = find_shakes(motion, settings.shakes)
+    events = find_events(motion, shakes, device, settings.events)
+    phases = find_phases(motion, shakes, events, device, settings.phases)
+    doses: list[Dose] = []
+    earlier_inhalation_s = None
+    for span in split_doses(phases, shakes, events, device):
+        measures = measure_dose(
+            motion,
+            phases,
+            shakes,
+            events,
+            device,
+            span,
+            earlier_inhalation_s=earlier_inhalation_s,
+            settings=settings.measures,
+        )
+        findings = apply_rules(measures, device, rules, unusable=unusable)
+        own_events = tuple(event for event in events if span[0] <= event.start_s < span[1])
+        doses.append(Dose(*span, own_events, measures, findings, score(findings)))
+        earlier_inhalation_s = measures["inhalation_start_s"].value or earlier_inhalation_s
+    findings = worst_findings(doses) if doses else apply_rules({}, device, rules, unusable=unusable)
     return Report(
         session_id=recording.session_id,
         device=recording.device,
@@ -98,10 +137,10 @@ def report_of(tracks: Tracks, settings: Settings, *, rules: RuleSet | None = Non
         rules_digest=rules.digest,
         duration_s=float(recording.body.time_s[-1] - recording.body.time_s[0]),
         quality=tracks.quality,
-        phases=(),
-        events=(),
-        measures={},
+        phases=phases,
+        events=events,
+        measures=worst_dose(doses).measures if doses else {},
         findings=findings,
-        doses=(),
+        doses=tuple(doses),
         score=score(findings),
     )

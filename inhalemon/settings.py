@@ -37,9 +37,8 @@ class ClockSettings:
     chunk_s: float = 120.0  # the liveliest stretch, where drift cannot mislead yet
     peak_share: float = 0.7  # other lags that agree nearly as well are tried too
     max_peaks: int = 3
-    clear_share: float = 0.003  # of the motion unexplained: no other lag can be right (right ones leave 0.001)
     # The fine fit.
-    max_samples: int = 1500
+    max_samples: int = 1200
     min_samples: int = 50
     n_iterations: int = 5
     max_step_s: float = 0.03
@@ -178,10 +177,66 @@ class LeverSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class MotionSettings:
+    """How the motion of the inhaler in the room is described."""
+
+    rate_hz: float = 100.0  # the even grid on which everything after this stage works
+    long_gap_s: float = 0.1  # missing samples for longer than this are not bridged in silence
+    block_s: float = 0.04  # step of the velocity solution
+    still_acc_m_s2: float = 0.25  # spread of the slow inertial acceleration in a hand that holds still
+    still_gyr_rad_s: float = 0.12  # slow angular rate of a hand that holds still, 7 deg/s
+
+
+@dataclass(frozen=True, slots=True)
+class ShakeSettings:
+    """What counts as shaking."""
+
+    stroke_m_s2: float = 0.6 * 9.80665
+    min_strokes: int = 4  # fewer are bumps
+    min_stroke_s: float = 0.04  # a hand shakes below 10 Hz; a half wave lasts longer than this
+    max_pause_s: float = 0.6  # between two strokes of one bout
+    slow_s: float = 1.0  # motion slower than this is carrying
+
+
+@dataclass(frozen=True, slots=True)
+class EventSettings:
+    """How strokes of the lever or cover are found."""
+
+    smooth_s: float = 0.03
+    min_stroke_rad: float = math.radians(1.5)  # of an uncalibrated lever: less is play or a bump
+    max_press_rise_s: float = 1.5  # a slower change of the lever's angle is drift
+    min_shaken_press_rad: float = math.radians(4.0)  # while shaking, the angle itself is unsure by degrees
+
+
+@dataclass(frozen=True, slots=True)
 class PhaseSettings:
     """How the session is cut into phases."""
 
-    window_s: float = 0.25
+    window_s: float = 0.2
+    n_clusters: int = 8
+    # Holding still.
+    still_speed: float = 0.7  # clear movements a second: 7 deg/s, 3.5 cm/s
+    min_hold_s: float = 0.15
+    max_disturbance_s: float = 0.8  # a press shakes the hand for less
+    same_place: float = 0.8  # of a clear movement
+    clear_turn_rad: float = math.radians(10.0)
+    clear_move_m: float = 0.05
+    # Lying on a table: below a hand's tremor, above the sensors' noise.
+    table_window_s: float = 0.5
+    table_acc_m_s2: float = 0.06
+    table_gyr_rad_s: float = 0.005
+    min_table_s: float = 0.6
+    # At the mouth.
+    min_tilt_back_rad: float = math.radians(6.0)
+    usual_tilt_back_rad: float = math.radians(12.0)
+    max_tilt_back_s: float = 2.0
+    min_stay_s: float = 0.3
+    mouth_lift_m: float = 0.12
+    reach_s: float = 4.0  # how far back the hand's own height is looked for
+    min_likeness: float = 0.5
+    min_untilted_stay_s: float = 0.6
+    away: float = 2.0  # clear movements: 10 cm from the mouth
+    max_breath_s: float = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,6 +267,23 @@ class QualitySettings:
 
 
 @dataclass(frozen=True, slots=True)
+class MeasureSettings:
+    """How sure the measures are: standard deviations of single boundaries and angles, found on simulated sessions."""
+
+    sd_press_s: float = 0.015
+    sd_inhalation_start_s: float = 0.03
+    sd_inhalation_end_s: float = 0.03
+    sd_exhale_pause_s: float = 0.07
+    sd_breath_hold_s: float = 0.06
+    sd_shake_s: float = 0.05
+    sd_inverted_s: float = 0.05
+    sd_press_angle_deg: float = 0.5
+    sd_cover_angle_deg: float = 1.5
+    sd_mount_rad: float = math.radians(1.5)  # of the sensor against the part, unknown to the filter
+    left_mouth_m: float = 0.05
+
+
+@dataclass(frozen=True, slots=True)
 class Settings:
     """All settings of the pipeline; frozen, hashable, the same digest for the same numbers."""
 
@@ -219,7 +291,11 @@ class Settings:
     sensors: SensorSettings = field(default_factory=SensorSettings)
     attitude: AttitudeSettings = field(default_factory=AttitudeSettings)
     lever: LeverSettings = field(default_factory=LeverSettings)
+    motion: MotionSettings = field(default_factory=MotionSettings)
+    shakes: ShakeSettings = field(default_factory=ShakeSettings)
+    events: EventSettings = field(default_factory=EventSettings)
     phases: PhaseSettings = field(default_factory=PhaseSettings)
+    measures: MeasureSettings = field(default_factory=MeasureSettings)
     quality: QualitySettings = field(default_factory=QualitySettings)
 
     @classmethod

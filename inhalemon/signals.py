@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from inhalemon.rotation import slerp
-from inhalemon.values import AttitudeTrack, FloatArray
+from inhalemon.values import AttitudeTrack, BoolArray, FloatArray, IntArray
 
 
 def resample_attitude(track: AttitudeTrack, time_s: FloatArray) -> AttitudeTrack:
@@ -23,3 +23,53 @@ def resample_attitude(track: AttitudeTrack, time_s: FloatArray) -> AttitudeTrack
         r=np.interp(time_s, track.time_s, track.r),
         r_unit=track.r_unit,
     )
+
+
+def moving_mean(values: FloatArray, width: int) -> FloatArray:
+    """Mean over a centred window of `width` samples; at the ends over what is there. Shape as given."""
+    n = values.shape[0]
+    before, after = width // 2, width - width // 2
+    sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    start = np.maximum(np.arange(n) - before, 0)
+    end = np.minimum(np.arange(n) + after, n)
+    lengths = (end - start).reshape(-1, *[1] * (values.ndim - 1))
+    means: FloatArray = (sums[end] - sums[start]) / lengths
+    return means
+
+
+def runs(is_true: BoolArray) -> IntArray:
+    """The stretches where a mask is true: rows of `start, end`, half open. Shape (n, 2)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], is_true, [False]])))
+    return edges.reshape(-1, 2)
+
+
+def close_gaps(is_true: BoolArray, longest: int) -> BoolArray:
+    """The mask with false stretches of at most `longest` samples between true ones filled."""
+    filled = is_true.copy()
+    for start, end in runs(~is_true):
+        if start > 0 and end < is_true.size and end - start <= longest:
+            filled[start:end] = True
+    return filled
+
+
+def drop_short(is_true: BoolArray, shortest: int) -> BoolArray:
+    """The mask without true stretches shorter than `shortest` samples."""
+    kept = is_true.copy()
+    for start, end in runs(is_true):
+        if end - start < shortest:
+            kept[start:end] = False
+    return kept
+
+
+def onset(values: FloatArray, low: int, high: int) -> int:
+    """The sample at which the rise (or fall) from `low` to `high` begins, both sample numbers of `values`.
+
+    The first moments of a movement drown in noise, so they are found backwards from where 5 % and 50 % are done:
+    for courses between a raised cosine and least jerk that is 0.3 to 0.6 of the time between the two.
+    """
+    part = values[low : high + 1]
+    done = (part - part[0]) / (part[-1] - part[0]) if part[-1] != part[0] else np.zeros(part.size)
+    half = int(np.argmax(done >= 0.5))
+    begun = np.flatnonzero(done[: half + 1] <= 0.05)
+    first = int(begun[-1]) if begun.size else 0
+    return max(low + round(first - 0.45 * (half - first)), low)

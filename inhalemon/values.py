@@ -209,6 +209,51 @@ class LeverTrack:
     off_axis_rad: FloatArray  # (n,) the part of the relative rotation that a hinge cannot make
 
 
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """How the inhaler moves, on one even grid of the body's clock: what phases, events and measures are read from."""
+
+    time_s: FloatArray  # (n,)
+    rate_hz: float
+    tilt_rad: FloatArray  # (n,) from upright, [0, pi]
+    elevation_rad: FloatArray  # (n,) of the body's y axis against level: a tilt-back of the head raises it
+    sd_tilt_rad: FloatArray  # (n,)
+    gyr_rad_s: FloatArray  # (n, 3) body frame, bias removed
+    force_m_s2: FloatArray  # (n, 3) specific force, body frame
+    acc_ref_m_s2: FloatArray  # (n, 3) inertial acceleration in the room
+    velocity_ref_m_s: FloatArray  # (n, 3)
+    height_m: FloatArray  # (n,) above where the session began; good over one movement
+    activity: FloatArray  # (n,) below 1 while a hand holds still
+    lever_rad: FloatArray  # (n,) positive when pressed or opened
+    lever_rate_rad_s: FloatArray  # (n,)
+    sd_lever_rad: FloatArray  # (n,)
+    is_gap: BoolArray  # (n,) nothing was measured here
+
+    @property
+    def step_s(self) -> float:
+        return 1.0 / self.rate_hz
+
+    def index(self, at_s: float) -> int:
+        """The sample nearest to a time, within the grid."""
+        return int(np.clip(round((at_s - self.time_s[0]) * self.rate_hz), 0, self.time_s.size - 1))
+
+
+@dataclass(frozen=True, slots=True)
+class Shake:
+    """One bout of shaking: its alternating strokes of at least 0.6 g, by the times at which they begin and end."""
+
+    stroke_start_s: FloatArray  # (k,)
+    stroke_end_s: FloatArray  # (k,)
+
+    @property
+    def start_s(self) -> float:
+        return float(self.stroke_start_s[0])
+
+    @property
+    def end_s(self) -> float:
+        return float(self.stroke_end_s[-1])
+
+
 # -------------------------------------------------------------------------------------------- the report's parts
 
 

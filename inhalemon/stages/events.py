@@ -1,0 +1,143 @@
+"""Presses of a lever, openings and closings of a cover, from the angle of the moving part."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from inhalemon.devices import Device
+from inhalemon.settings import EventSettings
+from inhalemon.signals import moving_mean
+from inhalemon.values import DeviceKind, Event, EventKind, FloatArray, Motion, Shake
+
+
+def find_events(
+    motion: Motion, shakes: Sequence[Shake], device: Device, settings: EventSettings | None = None
+) -> tuple[Event, ...]:
+    """The strokes of the moving part, in order of time.
+
+    The angle's turning points that are at least a partial stroke apart give its rises and falls. A stroke's start is
+    where its motion begins, its peak where the end stop is reached, its end where the part is back (pMDI) or at rest
+    (cover). A press is a quick rise and the fall after it, told against the angle just before, so that drift does not
+    count; a rise during shaking must stand out from what shaking alone does to the angle.
+    """
+    settings = settings or EventSettings()
+    if device.rule_set is DeviceKind.HINGE:
+        return ()
+    angle = moving_mean(motion.lever_rad, max(round(settings.smooth_s * motion.rate_hz), 1))
+    strokes = _strokes(motion, angle, _least_stroke(device, settings))
+    if device.rule_set is DeviceKind.ELLIPTA:
+        return tuple(_cover_event(motion, stroke) for stroke in strokes)
+    return tuple(_presses(motion, strokes, shakes, device, settings))
+
+
+@dataclass(frozen=True, slots=True)
+class _Stroke:
+    """A rise or fall of the angle, by sample numbers of its beginning and its stop."""
+
+    begin: int
+    stop: int
+    from_rad: float
+    to_rad: float
+
+    @property
+    def rise_rad(self) -> float:
+        return self.to_rad - self.from_rad
+
+
+def _least_stroke(device: Device, settings: EventSettings) -> float:
+    if device.rule_set is DeviceKind.ELLIPTA:
+        return device.partial_stroke_rad
+    return max(device.partial_stroke_rad, settings.min_stroke_rad)
+
+
+def _strokes(motion: Motion, angle: FloatArray, least_rad: float) -> list[_Stroke]:
+    turns = _turning_points(angle, least_rad)
+    rate = np.gradient(angle, motion.step_s)
+    strokes = []
+    for low, high in itertools.pairwise(turns):
+        part = rate[low : high + 1] * np.sign(angle[high] - angle[low])
+        fastest = int(np.argmax(part))
+        slow = 0.1 * part[fastest]
+        begin = low + _last_below(part[: fastest + 1], slow)
+        stop = low + fastest + _first_below(part[fastest:], slow)
+        strokes.append(_Stroke(begin, stop, float(angle[begin]), float(angle[stop])))
+    return [stroke for stroke in strokes if abs(stroke.rise_rad) >= least_rad]
+
+
+def _turning_points(angle: FloatArray, least_rad: float) -> list[int]:
+    """Alternating lows and highs, each at least `least_rad` from the one before; the ends included."""
+    turns = [0]
+    low = high = 0
+    direction = 0
+    for k, value in enumerate(angle.tolist()):
+        if direction >= 0 and value > angle[high]:
+            high = k
+        if direction <= 0 and value < angle[low]:
+            low = k
+        if direction >= 0 and angle[high] - value >= least_rad:
+            if direction > 0 or high > turns[-1]:
+                turns.append(high)
+            direction, low = -1, k
+        elif direction <= 0 and value - angle[low] >= least_rad:
+            if direction < 0 or low > turns[-1]:
+                turns.append(low)
+            direction, high = 1, k
+    last = high if direction > 0 else low if direction < 0 else 0
+    if last > turns[-1]:
+        turns.append(last)
+    return turns
+
+
+def _last_below(values: FloatArray, level: float) -> int:
+    below = np.flatnonzero(values <= level)
+    return int(below[-1]) if below.size else 0
+
+
+def _first_below(values: FloatArray, level: float) -> int:
+    below = np.flatnonzero(values <= level)
+    return int(below[0]) if below.size else values.size - 1
+
+
+def _cover_event(motion: Motion, stroke: _Stroke) -> Event:
+    kind = EventKind.OPEN if stroke.rise_rad > 0 else EventKind.CLOSE
+    largest = float(np.max(motion.lever_rad[stroke.begin : stroke.stop + 1]))
+    return Event(
+        kind=kind,
+        start_s=float(motion.time_s[stroke.begin]),
+        peak_s=float(motion.time_s[stroke.stop]),
+        end_s=float(motion.time_s[stroke.stop]),
+        angle_deg=math.degrees(largest),
+    )
+
+
+def _presses(
+    motion: Motion, strokes: Sequence[_Stroke], shakes: Sequence[Shake], device: Device, settings: EventSettings
+) -> list[Event]:
+    events = []
+    for k, rise in enumerate(strokes):
+        lasts_s = (rise.stop - rise.begin) * motion.step_s
+        if rise.rise_rad <= 0 or lasts_s > settings.max_press_rise_s:
+            continue
+        fall = next((stroke for stroke in strokes[k + 1 :] if stroke.rise_rad < 0), None)
+        release = fall.begin if fall is not None else motion.time_s.size - 1
+        end = fall.stop if fall is not None else motion.time_s.size - 1
+        held = motion.lever_rad[rise.stop : max(min(release, rise.stop + round(0.3 * motion.rate_hz)), rise.stop + 1)]
+        stroke_rad = float(np.median(held)) - rise.from_rad
+        is_shaken = any(shake.start_s - 0.2 < motion.time_s[rise.begin] < shake.end_s + 0.2 for shake in shakes)
+        if stroke_rad < (settings.min_shaken_press_rad if is_shaken else device.partial_stroke_rad):
+            continue
+        events.append(
+            Event(
+                kind=EventKind.PRESS if stroke_rad >= device.full_stroke_rad else EventKind.PARTIAL_PRESS,
+                start_s=float(motion.time_s[rise.begin]),
+                peak_s=float(motion.time_s[rise.stop]),
+                end_s=float(motion.time_s[end]),
+                angle_deg=math.degrees(stroke_rad),
+            )
+        )
+    return events

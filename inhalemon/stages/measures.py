@@ -1,0 +1,302 @@
+"""The measures of one dose, each with its standard deviation, or the reason why it cannot be had."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from inhalemon.devices import Device
+from inhalemon.settings import MeasureSettings
+from inhalemon.values import (
+    DeviceKind,
+    Event,
+    EventKind,
+    FloatArray,
+    Measure,
+    Motion,
+    Phase,
+    PhaseKind,
+    Shake,
+)
+
+_INVERTED_RAD = math.radians(90.0)
+
+
+def measure_dose(
+    motion: Motion,
+    phases: Sequence[Phase],
+    shakes: Sequence[Shake],
+    events: Sequence[Event],
+    device: Device,
+    span: tuple[float, float],
+    *,
+    earlier_inhalation_s: float | None = None,
+    settings: MeasureSettings | None = None,
+) -> Mapping[str, Measure]:
+    """Every measure of the dose within `span`, by name; the names and meanings are those of `inhalemon.measures`.
+
+    `earlier_inhalation_s` is when the dose before was inhaled. A measure over a stretch with a long gap in the samples
+    is not given.
+    """
+    settings = settings or MeasureSettings()
+    dose = _Dose.of(motion, phases, shakes, events, span, settings)
+    measures = _inhalation(dose) | _interval(dose, earlier_inhalation_s)
+    if device.rule_set is DeviceKind.ELLIPTA:
+        measures |= _cover(dose, device)
+    else:
+        measures |= _shake(dose) | _press(dose)
+    return {name: _without_gap(motion, measure) for name, measure in measures.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class _Dose:
+    motion: Motion
+    phases: tuple[Phase, ...]
+    shakes: tuple[Shake, ...]
+    presses: tuple[Event, ...]
+    strokes: tuple[Event, ...]  # of a cover
+    span: tuple[float, float]
+    inhale: Phase | None
+    settings: MeasureSettings
+
+    @staticmethod
+    def of(
+        motion: Motion,
+        phases: Sequence[Phase],
+        shakes: Sequence[Shake],
+        events: Sequence[Event],
+        span: tuple[float, float],
+        settings: MeasureSettings,
+    ) -> _Dose:
+        start_s, end_s = span
+        own = tuple(phase for phase in phases if start_s <= phase.start_s < end_s)
+        mine = [event for event in events if start_s <= event.start_s < end_s]
+        return _Dose(
+            motion=motion,
+            phases=own,
+            shakes=tuple(shake for shake in shakes if start_s <= shake.start_s < end_s),
+            presses=tuple(e for e in mine if e.kind in (EventKind.PRESS, EventKind.PARTIAL_PRESS)),
+            strokes=tuple(e for e in mine if e.kind in (EventKind.OPEN, EventKind.CLOSE)),
+            span=span,
+            inhale=next((phase for phase in own if phase.kind is PhaseKind.INHALE), None),
+            settings=settings,
+        )
+
+    def first(self, kind: PhaseKind) -> Phase | None:
+        return next((phase for phase in self.phases if phase.kind is kind), None)
+
+    def samples(self, start_s: float, end_s: float) -> slice:
+        first = self.motion.index(start_s)
+        return slice(first, max(self.motion.index(end_s), first + 1))
+
+    @property
+    def no_onset(self) -> str:
+        return "no_tilt_back_seen" if self.first(PhaseKind.TO_MOUTH) else "no_inhalation_seen"
+
+
+def _inhalation(dose: _Dose) -> dict[str, Measure]:
+    s, inhale = dose.settings, dose.inhale
+    to_mouth = dose.first(PhaseKind.TO_MOUTH)
+    stays = sum(phase.kind is PhaseKind.INHALE for phase in dose.phases) or int(to_mouth is not None)
+    measures = {
+        "mouth_stays": Measure(float(stays), 0.0),
+        "exhale_pause_s": _exhale_pause(dose),
+        "order_violations": _order_violations(dose),
+    }
+    if inhale is None:
+        missing = Measure(None, reason=dose.no_onset)
+        names = ("inhalation_start_s", "inhalation_s", "breath_hold_s", "tilt_at_inhalation_deg")
+        return measures | dict.fromkeys(names, missing)
+    start_s, end_s = inhale.start_s, inhale.end_s
+    held_s = start_s + min(1.0, 0.45 * (end_s - start_s))
+    tilt = dose.motion.tilt_rad[dose.samples(held_s, end_s)]
+    is_cut = end_s >= dose.motion.time_s[-1] - s.sd_inhalation_end_s
+    cut = Measure(None, reason="recording_ended_before")
+    measures["inhalation_start_s"] = Measure(start_s, s.sd_inhalation_start_s, None, start_s, start_s)
+    measures["tilt_at_inhalation_deg"] = Measure(
+        math.degrees(float(np.percentile(tilt, 95))), _sd_tilt_deg(dose, start_s), None, start_s, end_s
+    )
+    sd = math.hypot(s.sd_inhalation_start_s, s.sd_inhalation_end_s)
+    measures["inhalation_s"] = cut if is_cut else Measure(end_s - start_s, sd, None, start_s, end_s)
+    measures["breath_hold_s"] = cut if is_cut else _breath_hold(dose, end_s)
+    return measures
+
+
+def _exhale_pause(dose: _Dose) -> Measure:
+    to_mouth = dose.first(PhaseKind.INHALE) or dose.first(PhaseKind.TO_MOUTH)
+    if to_mouth is None:
+        return Measure(None, reason="no_inhalation_seen")
+    before = [phase for phase in dose.phases if phase.kind is PhaseKind.EXHALE and phase.start_s < to_mouth.start_s]
+    sd = dose.settings.sd_exhale_pause_s
+    if not before:
+        return Measure(0.0, sd, None, to_mouth.start_s, to_mouth.start_s)
+    pause = before[-1]
+    return Measure(pause.end_s - pause.start_s, sd, None, pause.start_s, pause.end_s)
+
+
+def _breath_hold(dose: _Dose, end_s: float) -> Measure:
+    s = dose.settings
+    hold = next((p for p in dose.phases if p.kind is PhaseKind.BREATH_HOLD and p.start_s >= end_s - 0.2), None)
+    if hold is None:
+        return Measure(0.0, s.sd_breath_hold_s, None, end_s, end_s)
+    if hold.end_s >= dose.motion.time_s[-1] - 0.1:
+        return Measure(None, reason="recording_ended_before")
+    return Measure(hold.end_s - end_s, s.sd_breath_hold_s, None, end_s, hold.end_s)
+
+
+def _order_violations(dose: _Dose) -> Measure:
+    """Steps out of order: at the mouth and only then shaken or opened; the cover shut before inhaling."""
+    inhaled_s = dose.inhale.start_s if dose.inhale else dose.span[1]
+    stays = [phase.start_s for phase in dose.phases if phase.kind is PhaseKind.TO_MOUTH and phase.start_s < inhaled_s]
+    prepared = [shake.start_s for shake in dose.shakes]
+    prepared += [stroke.start_s for stroke in dose.strokes if stroke.kind is EventKind.OPEN]
+    count = sum(any(stay < later < inhaled_s for later in prepared) for stay in stays)
+    count += sum(any(press.start_s < shake.start_s for shake in dose.shakes) for press in dose.presses)
+    before = [stroke for stroke in dose.strokes if stroke.start_s < inhaled_s]
+    if dose.inhale is not None and before and before[-1].kind is EventKind.CLOSE:
+        count += 1
+    return Measure(float(count), 0.0)
+
+
+def _interval(dose: _Dose, earlier_s: float | None) -> dict[str, Measure]:
+    if earlier_s is None:
+        return {"puff_interval_s": Measure(None, reason="first_dose")}
+    if dose.inhale is None:
+        return {"puff_interval_s": Measure(None, reason=dose.no_onset)}
+    start_s = dose.inhale.start_s
+    sd = math.sqrt(2.0) * dose.settings.sd_inhalation_start_s
+    return {"puff_interval_s": Measure(start_s - earlier_s, sd, None, earlier_s, start_s)}
+
+
+def _shake(dose: _Dose) -> dict[str, Measure]:
+    """Shaking before the press; without a press before the inhalation; without either in the whole dose."""
+    s = dose.settings
+    until_s = dose.presses[0].start_s if dose.presses else dose.inhale.start_s if dose.inhale else dose.span[1]
+    before = [shake for shake in dose.shakes if shake.start_s < until_s]
+    if not before:
+        none = Measure(0.0, 0.0)
+        return {
+            "shake_duration_s": none,
+            "shake_cycles": none,
+            "shake_to_press_s": Measure(None, reason="not_shaken"),
+        }
+    start_s, end_s = before[0].start_s, before[-1].end_s
+    strokes = sum(shake.stroke_end_s.size for shake in before)
+    duration_s = sum(shake.end_s - shake.start_s for shake in before)
+    to_press = Measure(None, reason="no_press")
+    if dose.presses:
+        sd = math.hypot(s.sd_shake_s, s.sd_press_s)
+        to_press = Measure(dose.presses[0].start_s - end_s, sd, None, end_s, dose.presses[0].start_s)
+    return {
+        "shake_duration_s": Measure(duration_s, s.sd_shake_s, None, start_s, end_s),
+        "shake_cycles": Measure(strokes / 2.0, 0.0, None, start_s, end_s),
+        "shake_to_press_s": to_press,
+    }
+
+
+def _press(dose: _Dose) -> dict[str, Measure]:
+    s, presses = dose.settings, dose.presses
+    full = [press for press in presses if press.kind is EventKind.PRESS]
+    where = (presses[0].start_s, presses[-1].end_s) if presses else (None, None)
+    measures = {
+        "press_count": Measure(float(len(full)), 0.0, None, *where),
+        "partial_press_count": Measure(float(len(presses) - len(full)), 0.0, None, *where),
+    }
+    if not presses:
+        names = ("press_angle_deg", "tilt_at_press_deg", "coordination_s", "press_after_mouth_s")
+        return measures | dict.fromkeys(names, Measure(None, reason="no_press"))
+    largest = max(presses, key=lambda press: press.angle_deg)
+    first = presses[0]
+    near = dose.samples(largest.peak_s - 0.05, largest.peak_s + 0.05)
+    measures["press_angle_deg"] = Measure(largest.angle_deg, s.sd_press_angle_deg, None, largest.start_s, largest.end_s)
+    measures["tilt_at_press_deg"] = Measure(
+        math.degrees(float(np.median(dose.motion.tilt_rad[near]))),
+        _sd_tilt_deg(dose, largest.peak_s),
+        None,
+        largest.start_s,
+        largest.end_s,
+    )
+    if dose.inhale is None:
+        missing = Measure(None, reason=dose.no_onset)
+        return measures | {"coordination_s": missing, "press_after_mouth_s": missing}
+    onset_s = dose.inhale.start_s
+    sd = math.hypot(s.sd_press_s, s.sd_inhalation_start_s)
+    shown = (min(onset_s, first.start_s), max(onset_s, first.start_s))
+    measures["coordination_s"] = Measure(first.start_s - onset_s, sd, None, *shown)
+    measures["press_after_mouth_s"] = Measure(
+        first.start_s - _left_mouth_s(dose, dose.inhale), s.sd_inhalation_end_s, None, *shown
+    )
+    return measures
+
+
+def _left_mouth_s(dose: _Dose, inhale: Phase) -> float:
+    """When the device has gone from where it was while inhaling; the end of the dose if it never does."""
+    motion = dose.motion
+    at = dose.samples(inhale.start_s, dose.span[1])
+    place = np.cumsum(motion.velocity_ref_m_s[at], axis=0) * motion.step_s
+    n_inhale = max(motion.index(inhale.end_s) - at.start, 1)
+    here: FloatArray = np.median(place[n_inhale // 2 : n_inhale], axis=0)
+    away = np.linalg.norm(place[n_inhale:] - here, axis=1) > dose.settings.left_mouth_m
+    if not away.any():
+        return dose.span[1]
+    return float(motion.time_s[at.start + n_inhale + int(np.argmax(away))])
+
+
+def _cover(dose: _Dose, device: Device) -> dict[str, Measure]:
+    s, motion = dose.settings, dose.motion
+    angle = motion.lever_rad[dose.samples(*dose.span)]
+    inhaled_s = dose.inhale.start_s if dose.inhale else dose.span[1]
+    openings = [stroke for stroke in dose.strokes if stroke.kind is EventKind.OPEN and stroke.start_s < inhaled_s]
+    full_deg = math.degrees(device.full_stroke_rad)
+    last_s = dose.span[1]
+    final = motion.lever_rad[dose.samples(max(last_s - 0.5, dose.span[0]), last_s)]
+    shown = (openings[0].start_s, openings[-1].end_s) if openings else (None, None)
+    measures = {
+        "cover_angle_max_deg": Measure(
+            max((o.angle_deg for o in openings), default=math.degrees(float(np.percentile(angle, 99)))),
+            s.sd_cover_angle_deg,
+            None,
+            *shown,
+        ),
+        "cover_final_deg": Measure(
+            math.degrees(float(np.median(final))), s.sd_cover_angle_deg, None, last_s - 0.5, last_s
+        ),
+        "cover_openings": Measure(float(sum(o.angle_deg >= full_deg for o in openings)), 0.0, None, *shown),
+    }
+    names = ("shake_after_open_cycles", "tilt_after_open_max_deg", "inverted_after_open_s", "open_to_inhale_s")
+    if not openings:
+        return measures | dict.fromkeys(names, Measure(None, reason="not_opened"))
+    opened_s = openings[-1].peak_s
+    between = dose.samples(opened_s, inhaled_s)
+    tilt = motion.tilt_rad[between]
+    shaken = [shake for shake in dose.shakes if opened_s <= shake.start_s < inhaled_s]
+    where = (opened_s, inhaled_s)
+    measures["shake_after_open_cycles"] = Measure(
+        sum(shake.stroke_end_s.size for shake in shaken) / 2.0, 0.0, None, *where
+    )
+    measures["tilt_after_open_max_deg"] = Measure(
+        math.degrees(float(tilt.max())), _sd_tilt_deg(dose, opened_s), None, *where
+    )
+    inverted_s = float(np.count_nonzero(tilt > _INVERTED_RAD)) * motion.step_s
+    measures["inverted_after_open_s"] = Measure(inverted_s, s.sd_inverted_s if inverted_s else 0.0, None, *where)
+    measures["open_to_inhale_s"] = (
+        Measure(inhaled_s - opened_s, s.sd_inhalation_start_s, None, *where)
+        if dose.inhale
+        else Measure(None, reason=dose.no_onset)
+    )
+    return measures
+
+
+def _sd_tilt_deg(dose: _Dose, at_s: float) -> float:
+    sd = float(dose.motion.sd_tilt_rad[dose.motion.index(at_s)])
+    return math.degrees(math.hypot(sd, dose.settings.sd_mount_rad))
+
+
+def _without_gap(motion: Motion, measure: Measure) -> Measure:
+    if measure.value is None or measure.start_s is None or measure.end_s is None:
+        return measure
+    inside = motion.is_gap[motion.index(measure.start_s) : motion.index(measure.end_s) + 1]
+    return Measure(None, reason="gap_in_the_recording") if inside.any() else measure

@@ -1,0 +1,165 @@
+"""How the inhaler moves in the room: the signals from which steps, events and measures are read."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+from inhalemon.rotation import tilt_from_upright
+from inhalemon.settings import MotionSettings
+from inhalemon.signals import moving_mean
+from inhalemon.values import AttitudeTrack, BoolArray, FloatArray, LeverTrack, Motion, Recording
+
+GRAVITY_M_S2 = 9.80665
+
+# The velocity solution: what a hand does, in SI units.
+_SD_ACC_M_S2 = 0.15  # per block, what attitude and accelerometer get wrong from block to block
+_SD_BIAS_M_S2 = 0.4  # a level error of 1 deg and an offset of 30 mg
+_WALK_BIAS_M_S2 = 0.15  # how far that wanders within a second, as the inhaler turns
+_SD_STILL_M_S = 0.015  # a hand that holds still
+_SD_MOVING_M_S = 1.0  # a hand that does not
+
+
+def describe_motion(
+    recording: Recording,
+    attitude: AttitudeTrack,
+    lever: LeverTrack,
+    settings: MotionSettings | None = None,
+    *,
+    lever_sign: float = 1.0,
+) -> Motion:
+    """Attitude, motion in the room and lever angle of a session on one even grid.
+
+    Inertial acceleration is specific force turned into the room less gravity, and less what is left of it while the
+    hand holds still (level error, accelerometer offset). Velocity comes from it by least squares with the knowledge
+    that a hand at rest has none (zero-velocity updates, weighted by how still the signals are); each block of 40 ms
+    is one unknown velocity and one unknown offset, a banded system. Height is its integral: good for the length of
+    one movement, not of a session.
+    """
+    settings = settings or MotionSettings()
+    body = recording.body
+    step = 1.0 / settings.rate_hz
+    # Half a step inside the ends, so that rounding never asks for a sample outside.
+    n = max(int(np.floor((body.time_s[-1] - body.time_s[0]) * settings.rate_hz + 0.5)), 2)
+    time_s = body.time_s[0] + (np.arange(n) + 0.5) * step
+    width = max(round(body.rate_hz / settings.rate_hz), 1)
+
+    q = _on_grid(time_s, attitude.time_s, attitude.q, 1)
+    q /= np.sqrt(np.einsum("ij,ij->i", q, q))[:, None]
+    gyr = _on_grid(time_s, body.time_s, body.gyr_rad_s - attitude.gyr_bias_rad_s, width)
+    force = _on_grid(time_s, body.time_s, body.acc_m_s2, width)
+    acc_ref = _rotated(q, force)
+    acc_ref[:, 2] -= GRAVITY_M_S2
+    angle = lever_sign * _on_grid(time_s, lever.time_s, lever.angle_rad[:, None], 1)[:, 0]
+
+    is_gap = _in_gaps(time_s, body.time_s, settings.long_gap_s) | _in_gaps(time_s, lever.time_s, settings.long_gap_s)
+    activity = _activity(acc_ref, gyr, settings)
+    velocity, offset = _velocity(acc_ref, activity, is_gap, settings)
+    up = _up_in_body(q)
+    return Motion(
+        time_s=time_s,
+        rate_hz=settings.rate_hz,
+        tilt_rad=tilt_from_upright(q),
+        elevation_rad=np.arcsin(np.clip(up[:, 1], -1.0, 1.0)),
+        sd_tilt_rad=np.interp(time_s, attitude.time_s, attitude.sd_tilt_rad),
+        gyr_rad_s=gyr,
+        force_m_s2=force,
+        acc_ref_m_s2=acc_ref - offset,
+        velocity_ref_m_s=velocity,
+        height_m=np.cumsum(velocity[:, 2]) * step,
+        activity=activity,
+        lever_rad=angle,
+        lever_rate_rad_s=np.gradient(angle, step),
+        sd_lever_rad=np.interp(time_s, lever.time_s, lever.sd_rad),
+        is_gap=is_gap,
+    )
+
+
+def _on_grid(grid_s: FloatArray, time_s: FloatArray, values: FloatArray, width: int) -> FloatArray:
+    smoothed = moving_mean(values, width) if width > 1 else values
+    return np.stack([np.interp(grid_s, time_s, column) for column in smoothed.T], axis=1)
+
+
+def _in_gaps(grid_s: FloatArray, time_s: FloatArray, long_gap_s: float) -> BoolArray:
+    is_gap: BoolArray = (grid_s < time_s[0] - long_gap_s) | (grid_s > time_s[-1] + long_gap_s)
+    for k in np.flatnonzero(np.diff(time_s) > long_gap_s):
+        is_gap |= (grid_s > time_s[k]) & (grid_s < time_s[k + 1])
+    return is_gap
+
+
+def _rotated(q: FloatArray, v: FloatArray) -> FloatArray:
+    """`rotation.rotate` for equal shapes (n, 4), (n, 3), an eighth of its time."""
+    w, x, y, z = q.T
+    a, b, c = v.T
+    tx, ty, tz = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
+    return np.stack([a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx], axis=1)
+
+
+def _up_in_body(q: FloatArray) -> FloatArray:
+    """The room's up in the body frame, (n, 3): the last row of the rotation matrix."""
+    w, x, y, z = q.T
+    return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
+
+
+def _activity(acc_ref: FloatArray, gyr: FloatArray, settings: MotionSettings) -> FloatArray:
+    """How far from still, 1 at the border: slow acceleration's spread over 0.4 s and slow angular rate, in squares.
+
+    Both are smoothed over 0.2 s first, which takes away most of a tremor of 6-12 Hz.
+    """
+    slow = moving_mean(acc_ref, round(0.2 * settings.rate_hz))
+    wide = round(0.4 * settings.rate_hz)
+    spread = moving_mean(slow * slow, wide) - moving_mean(slow, wide) ** 2
+    turning = moving_mean(gyr, round(0.2 * settings.rate_hz))
+    still_acc, still_gyr = settings.still_acc_m_s2, settings.still_gyr_rad_s
+    activity: FloatArray = (
+        np.maximum(spread.sum(axis=1), 0.0) / still_acc**2 + (turning * turning).sum(axis=1) / still_gyr**2
+    )
+    return activity
+
+
+def _velocity(
+    acc_ref: FloatArray, activity: FloatArray, is_gap: BoolArray, settings: MotionSettings
+) -> tuple[FloatArray, FloatArray]:
+    """Velocity in the room and the acceleration's slow offset, (n, 3) each, on the grid.
+
+    Minimises, over blocks k of length T with unknown v_k, b_k,
+    sum (v_{k+1} - v_k - (a_k - b_k) T)^2 / (sd_acc T)^2 + v_k^2 / r_k + (b_{k+1} - b_k)^2 / (walk^2 T) + b_k^2 / B.
+    """
+    n = activity.size
+    size = max(round(settings.block_s * settings.rate_hz), 1)
+    edges = np.arange(0, n, size)
+    m = edges.size
+    dt = size / settings.rate_hz
+    lengths = np.diff(np.append(edges, n))
+    acc = np.add.reduceat(acc_ref, edges, axis=0) / lengths[:, None]
+    level = np.maximum.reduceat(activity, edges)
+    lost = np.logical_or.reduceat(is_gap, edges)
+
+    r = np.minimum(_SD_STILL_M_S**2 * (1.0 + level) ** 3, _SD_MOVING_M_S**2)
+    w_v = 1.0 / r
+    w_a = np.where(lost[:-1], 1e-6, 1.0) / (_SD_ACC_M_S2 * dt) ** 2
+    w_b = 1.0 / (_WALK_BIAS_M_S2**2 * dt)
+    # Unknowns v_0, b_0, v_1, b_1, ...; the upper bands of a symmetric matrix of bandwidth 2.
+    bands = np.zeros((3, 2 * m))
+    bands[2, 0::2] = w_v
+    bands[2, 0:-2:2] += w_a
+    bands[2, 2::2] += w_a
+    bands[2, 1::2] = dt / _SD_BIAS_M_S2**2
+    bands[2, 1:-2:2] += w_a * dt**2 + w_b
+    bands[2, 3::2] += w_b
+    bands[1, 1:-2:2] = -w_a * dt  # v_k with b_k
+    bands[1, 2::2] = w_a * dt  # b_k with v_{k+1}
+    bands[0, 2::2] = -w_a  # v_k with v_{k+1}
+    bands[0, 3::2] = -w_b  # b_k with b_{k+1}
+    push = w_a[:, None] * 0.5 * (acc[:-1] + acc[1:]) * dt
+    right = np.zeros((2 * m, 3))
+    right[0:-2:2] -= push
+    right[2::2] += push
+    right[1:-2:2] += push * dt
+    solved = solveh_banded(bands, right, check_finite=False, overwrite_ab=True, overwrite_b=True)
+    # v_k stands at the middle of its block: the acceleration between two middles is the mean of the two blocks.
+    middles = edges + (lengths - 1) / 2.0
+    samples = np.arange(n)
+    velocity = np.stack([np.interp(samples, middles, column) for column in solved[0::2].T], axis=1)
+    offset = np.stack([np.interp(samples, middles, column) for column in solved[1::2].T], axis=1)
+    return velocity, offset

@@ -1,0 +1,173 @@
+"""From motion to phases."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from inhalemon.devices import Device
+from inhalemon.settings import PhaseSettings
+from inhalemon.stages.phases.holds import Hold, Stay, find_holds, find_stays, path_of, table_mask
+from inhalemon.stages.phases.order import LABELS, cheapest_path, transition_costs
+from inhalemon.stages.phases.windows import Windows, cut_windows, window_mean
+from inhalemon.values import DeviceKind, Event, EventKind, FloatArray, IntArray, Motion, Phase, PhaseKind, Shake
+
+_COLUMN = {kind: k for k, kind in enumerate(LABELS)}
+
+
+def find_phases(
+    motion: Motion,
+    shakes: Sequence[Shake],
+    events: Sequence[Event],
+    device: Device,
+    settings: PhaseSettings | None = None,
+) -> tuple[Phase, ...]:
+    """The phases of the session in order of time, without overlap, covering it.
+
+    Windows are clustered by k-means; what a cluster looks like, and which candidate steps (holds, stays at the mouth,
+    strokes) a window lies in, makes each label more or less likely there; the cheapest path over the labels puts them
+    in order, leaving the device's own order at a cost. Boundaries are then those of the candidates at full rate. The
+    confidence of a phase is how much dearer its windows would be under the next best label.
+
+    Source of the idea: Fujii et al. (2025), k-means on the waveforms of an Ellipta. The path and the refinement are
+    departures from it: clusters alone do not know the order of the steps.
+    """
+    settings = settings or PhaseSettings()
+    if device.rule_set is DeviceKind.HINGE:
+        return ()
+    path = path_of(motion, settings)
+    on_table = table_mask(motion, settings)
+    holds = find_holds(motion, path, on_table, settings)
+    presses = [event for event in events if event.kind in (EventKind.PRESS, EventKind.PARTIAL_PRESS)]
+    stays = _one_a_dose(find_stays(motion, path, holds, presses, settings), motion, shakes, events, device, settings)
+    windows = cut_windows(motion, path, shakes, settings)
+
+    masks = _masks(motion, holds, stays, shakes, events)
+    costs = _costs(masks, windows)
+    labels = cheapest_path(costs, transition_costs(device.steps))
+    # At full rate: the label of the window, moved to the nearest boundary of what the label was given for.
+    per_sample = np.repeat(labels, np.diff(windows.edges))
+    refined = _refined(per_sample, masks)
+    return _as_phases(motion, refined, costs, windows)
+
+
+def _one_a_dose(
+    stays: Sequence[Stay],
+    motion: Motion,
+    shakes: Sequence[Shake],
+    events: Sequence[Event],
+    device: Device,
+    settings: PhaseSettings,
+) -> list[Stay]:
+    """The likeliest stay between one preparation (shaking, opening) and the next, tilted ones first."""
+    is_ellipta = device.rule_set is DeviceKind.ELLIPTA
+    if is_ellipta:
+        begins = [event.start_s for event in events if event.kind is EventKind.OPEN]
+    else:
+        begins = [shake.start_s for shake in shakes]
+    parts: dict[int, list[Stay]] = {}
+    for stay in stays:
+        at_s = float(motion.time_s[stay.onset])
+        part = sum(begin <= at_s for begin in begins)
+        is_unprepared = is_ellipta and part == 0 and bool(begins)
+        if stay.likeness >= settings.min_likeness and not is_unprepared:
+            parts.setdefault(part, []).append(stay)
+    kept = []
+    for rivals in parts.values():
+        tilted = [stay for stay in rivals if stay.is_tilted]
+        kept.append(max(tilted or rivals, key=lambda stay: (stay.likeness, stay.end - stay.onset)))
+    return kept
+
+
+def _masks(
+    motion: Motion, holds: Sequence[Hold], stays: Sequence[Stay], shakes: Sequence[Shake], events: Sequence[Event]
+) -> dict[PhaseKind, FloatArray]:
+    """How much each sample looks like each step, 0 to 1, (n,) each."""
+    n = motion.time_s.size
+    masks = {kind: np.zeros(n) for kind in LABELS}
+    for shake in shakes:
+        masks[PhaseKind.SHAKE][motion.index(shake.start_s) : motion.index(shake.end_s) + 1] = 1.0
+    for event in events:
+        if event.kind in (EventKind.OPEN, EventKind.CLOSE):
+            masks[PhaseKind(event.kind.value)][motion.index(event.start_s) : motion.index(event.end_s) + 1] = 1.0
+    for k, hold in enumerate(holds):
+        if not hold.on_table:
+            continue
+        masks[PhaseKind.REST][hold.start : hold.end] = 1.0
+        begin = holds[k - 1].end if k else 0
+        # Only the last movement before the table puts the device down.
+        masks[PhaseKind.PUT_DOWN][max(begin, hold.start - round(3.0 * motion.rate_hz)) : hold.start] = 1.0
+    for stay in stays:
+        weight = min(max((stay.likeness - 0.3) / 0.4, 0.0), 1.0)
+        first, last = stay.pause
+        _raise(masks[PhaseKind.EXHALE], first, last, weight)
+        _raise(masks[PhaseKind.TO_MOUTH], last, stay.onset if stay.is_tilted else stay.end, weight)
+        if stay.is_tilted:
+            _raise(masks[PhaseKind.INHALE], stay.onset, stay.end, weight)
+            _raise(masks[PhaseKind.BREATH_HOLD], stay.end, stay.hold_end, weight)
+            _raise(masks[PhaseKind.EXHALE_AFTER], stay.hold_end, stay.after_end, weight)
+    return masks
+
+
+def _raise(mask: FloatArray, start: int, end: int, weight: float) -> None:
+    mask[start:end] = np.maximum(mask[start:end], weight)
+
+
+def _costs(masks: dict[PhaseKind, FloatArray], windows: Windows) -> FloatArray:
+    """What each label costs in each window (m, labels): nothing where all speaks for it."""
+    shares = {kind: window_mean(mask, windows.edges) for kind, mask in masks.items()}
+    costs = np.empty((windows.cluster.size, len(LABELS)))
+    for kind in LABELS:
+        costs[:, _COLUMN[kind]] = 3.0 * (1.0 - shares[kind])
+    # What the clusters look like: a shaking one is no rest, a still one no shake, and pauses are still.
+    costs[:, _COLUMN[PhaseKind.SHAKE]] += 1.0 - windows.shaking
+    costs[:, _COLUMN[PhaseKind.REST]] += 1.0 - windows.stillness
+    costs[:, _COLUMN[PhaseKind.EXHALE]] += 0.5 * (1.0 - windows.stillness)
+    costs[:, _COLUMN[PhaseKind.HANDLING]] = 1.2 + shares[PhaseKind.SHAKE] + shares[PhaseKind.REST]
+    return costs
+
+
+def _refined(labels: IntArray, masks: dict[PhaseKind, FloatArray]) -> IntArray:
+    """Each boundary between two labels moved to the nearby sample where their own evidence changes."""
+    refined = labels.copy()
+    reach = 40
+    changes = np.flatnonzero(np.diff(labels)) + 1
+    for at in changes.tolist():
+        before, after = LABELS[labels[at - 1]], LABELS[labels[at]]
+        low, high = max(at - reach, 0), min(at + reach, labels.size)
+        gain = np.zeros(high - low)
+        if after is not PhaseKind.HANDLING:
+            gain += masks[after][low:high] - 0.25
+        else:
+            gain += 0.25
+        if before is not PhaseKind.HANDLING:
+            gain -= masks[before][low:high] - 0.25
+        else:
+            gain -= 0.25
+        # The boundary b maximises the evidence for `after` from b on, and for `before` up to b.
+        from_here = np.concatenate([np.cumsum(gain[::-1])[::-1], [0.0]])
+        best = low + int(np.argmax(from_here - 1e-6 * np.abs(np.arange(low, high + 1) - at)))
+        if best < at:
+            refined[best:at] = labels[at]
+        else:
+            refined[at:best] = labels[at - 1]
+    return refined
+
+
+def _as_phases(motion: Motion, labels: IntArray, costs: FloatArray, windows: Windows) -> tuple[Phase, ...]:
+    edges = [0, *(np.flatnonzero(np.diff(labels)) + 1).tolist(), labels.size]
+    sorted_costs = np.sort(costs, axis=1)
+    phases = []
+    for start, end in itertools.pairwise(edges):
+        kind = LABELS[labels[start]]
+        first = int(np.searchsorted(windows.edges, start, side="right")) - 1
+        last = max(int(np.searchsorted(windows.edges, end, side="left")), first + 1)
+        own = costs[first:last, _COLUMN[kind]]
+        other = np.where(own <= sorted_costs[first:last, 0], sorted_costs[first:last, 1], sorted_costs[first:last, 0])
+        confidence = float(np.mean(1.0 / (1.0 + np.exp(own - other))))
+        start_s = float(motion.time_s[start] - 0.5 * motion.step_s) if start else float(motion.time_s[0])
+        end_s = float(motion.time_s[end] - 0.5 * motion.step_s) if end < labels.size else float(motion.time_s[-1])
+        phases.append(Phase(kind, start_s, end_s, round(confidence, 3)))
+    return tuple(phases)

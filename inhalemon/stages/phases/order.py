@@ -1,0 +1,52 @@
+"""The cheapest path over the labels of neighbouring windows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from inhalemon.values import FloatArray, IntArray, PhaseKind
+
+LABELS = tuple(PhaseKind)
+
+# Steps that make sense only right after another one: never entered from anywhere else.
+_ONLY_AFTER = {
+    PhaseKind.BREATH_HOLD: (PhaseKind.INHALE,),
+    PhaseKind.EXHALE_AFTER: (PhaseKind.BREATH_HOLD,),
+}
+_NEVER = 1e6
+_CHANGE, _SKIP, _BACK = 1.0, 0.3, 2.0  # in windows' worth of evidence
+
+
+def transition_costs(steps: Sequence[PhaseKind]) -> FloatArray:
+    """What it costs to go from one label (row) to another: nothing to stay, more to leave the device's order."""
+    rank = {step: k for k, step in enumerate(steps)}
+    costs = np.full((len(LABELS), len(LABELS)), _CHANGE)
+    for i, before in enumerate(LABELS):
+        for j, after in enumerate(LABELS):
+            if i == j:
+                costs[i, j] = 0.0
+            elif after in _ONLY_AFTER and before not in _ONLY_AFTER[after]:
+                costs[i, j] = _NEVER
+            elif before in rank and after in rank:
+                ahead = rank[after] - rank[before]
+                costs[i, j] = _CHANGE + (_SKIP * (ahead - 1) if ahead > 0 else _BACK)
+    return costs
+
+
+def cheapest_path(costs: FloatArray, transitions: FloatArray) -> IntArray:
+    """The label (m,) of each window on the path of least cost; `costs` is (m, labels). Viterbi (1967)."""
+    m = costs.shape[0]
+    back = np.zeros(costs.shape, dtype=np.int64)
+    total = costs[0].copy()
+    columns = np.arange(costs.shape[1])
+    for k in range(1, m):
+        through = total[:, None] + transitions
+        back[k] = np.argmin(through, axis=0)
+        total = through[back[k], columns] + costs[k]
+    path = np.empty(m, dtype=np.int64)
+    path[-1] = int(np.argmin(total))
+    for k in range(m - 1, 0, -1):
+        path[k - 1] = back[k, path[k]]
+    return path

@@ -1,0 +1,108 @@
+"""Features of short windows, and what clusters of them look like."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from inhalemon.settings import PhaseSettings
+from inhalemon.stages.phases.holds import Path
+from inhalemon.values import BoolArray, FloatArray, IntArray, Motion, Shake
+
+FEATURES = (
+    "log angular rate energy",
+    "log inertial acceleration energy",
+    "tilt",
+    "change of tilt",
+    "moving part's angle",
+    "moving part's rate",
+    "distance from where it rested",
+    "shake-band power",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Windows:
+    """The session in windows of equal length, with the cluster each belongs to."""
+
+    edges: IntArray  # (m + 1,) sample numbers
+    features: FloatArray  # (m, 8) standardised
+    cluster: IntArray  # (m,) numbers without meaning
+    stillness: FloatArray  # (m,) 0 to 1, of the window's cluster
+    shaking: FloatArray  # (m,) 0 to 1, of the window's cluster
+
+
+def window_mean(values: FloatArray | BoolArray, edges: IntArray) -> FloatArray:
+    lengths = np.diff(edges)
+    means: FloatArray = np.add.reduceat(values.astype(np.float64), edges[:-1]) / lengths
+    return means
+
+
+def cut_windows(motion: Motion, path: Path, shakes: Sequence[Shake], settings: PhaseSettings) -> Windows:
+    """Windows with their features, clustered by k-means.
+
+    Deterministic: the first centres are spread over the features by farthest points, so no random numbers are used.
+    """
+    from sklearn import config_context  # noqa: PLC0415  a second to import: only when a session is scored
+    from sklearn.cluster import KMeans  # noqa: PLC0415
+
+    size = max(round(settings.window_s * motion.rate_hz), 2)
+    n = motion.time_s.size
+    edges = np.append(np.arange(0, max(n - size // 2, 1), size), n)
+    features = _features(motion, path, shakes, edges)
+    sd = features.std(axis=0)
+    standard = (features - features.mean(axis=0)) / np.where(sd > 1e-9, sd, 1.0)
+    first = _farthest(standard, min(settings.n_clusters, standard.shape[0]))
+    with config_context(assume_finite=True, skip_parameter_validation=True):
+        fitted = KMeans(n_clusters=first.size, init=standard[first], n_init=1, max_iter=50).fit(standard)
+    cluster = fitted.labels_.astype(np.int64)
+    speed = window_mean(path.speed, edges)
+    is_shaken = _shaken(motion, shakes)
+    stillness, shaking = np.empty(cluster.size), np.empty(cluster.size)
+    for k in range(first.size):
+        members = cluster == k
+        if members.any():
+            stillness[members] = float(np.mean(speed[members] < settings.still_speed))
+            shaking[members] = float(np.mean(window_mean(is_shaken, edges)[members]))
+    return Windows(edges, standard, cluster, stillness, shaking)
+
+
+def _features(motion: Motion, path: Path, shakes: Sequence[Shake], edges: IntArray) -> FloatArray:
+    rate_energy = window_mean((motion.gyr_rad_s**2).sum(axis=1), edges)
+    acc_energy = window_mean((motion.acc_ref_m_s2**2).sum(axis=1), edges)
+    tilt = window_mean(motion.tilt_rad, edges)
+    start, end = np.clip(edges[:-1], 0, tilt.size * 10**9), edges[1:] - 1
+    lever = window_mean(motion.lever_rad, edges)
+    return np.stack(
+        [
+            np.log10(rate_energy + 1e-4),
+            np.log10(acc_energy + 1e-3),
+            tilt,
+            motion.tilt_rad[end] - motion.tilt_rad[start],
+            lever,
+            window_mean(motion.lever_rate_rad_s, edges),
+            np.linalg.norm(path.pose[(start + end) // 2] - path.pose[0], axis=1),
+            window_mean(_shaken(motion, shakes), edges),
+        ],
+        axis=1,
+    )
+
+
+def _shaken(motion: Motion, shakes: Sequence[Shake]) -> FloatArray:
+    is_shaken = np.zeros(motion.time_s.size)
+    for shake in shakes:
+        is_shaken[motion.index(shake.start_s) : motion.index(shake.end_s) + 1] = 1.0
+    return is_shaken
+
+
+def _farthest(points: FloatArray, k: int) -> IntArray:
+    """Each next point is the one farthest from those taken: spread out, and the same every time."""
+    taken = [int(np.argmin(np.einsum("ij,ij->i", points, points)))]
+    nearest = np.full(points.shape[0], np.inf)
+    for _ in range(k - 1):
+        apart = points - points[taken[-1]]
+        nearest = np.minimum(nearest, np.einsum("ij,ij->i", apart, apart))
+        taken.append(int(np.argmax(nearest)))
+    return np.array(taken)
