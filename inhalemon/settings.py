@@ -37,8 +37,9 @@ class ClockSettings:
     chunk_s: float = 120.0  # the liveliest stretch, where drift cannot mislead yet
     peak_share: float = 0.7  # other lags that agree nearly as well are tried too
     max_peaks: int = 3
+    clear_share: float = 0.003  # of the motion unexplained: no other lag can be right (right ones leave 0.001)
     # The fine fit.
-    max_samples: int = 1200
+    max_samples: int = 1500
     min_samples: int = 50
     n_iterations: int = 5
     max_step_s: float = 0.03

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import re
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from inhalemon.devices import load_device
 from inhalemon.measures import MEASURES
+from inhalemon.report.flat import csv_columns
 from inhalemon.rules import load_rules
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -52,3 +54,18 @@ def test_glossary_tells_every_measure_in_the_words_of_the_code():
     text = (DOCS / "glossary.md").read_text(encoding="utf-8")
     for name, meaning in MEASURES.items():
         assert f"- `{name}`: {meaning}." in text
+
+
+def test_columns_of_the_csv_are_those_of_the_docs():
+    text = (DOCS / "report.md").read_text(encoding="utf-8")
+    told = re.findall(r"`([a-z_]+)`", text[text.index("## CSV") : text.index("## The page")])
+    rules = {rule.id for rule in load_rules().rules}
+    assert [column for column in csv_columns() if column not in MEASURES and column not in rules] == told
+
+
+def test_fields_of_the_report_are_those_of_the_docs():
+    text = (DOCS / "report.md").read_text(encoding="utf-8")
+    table = text[text.index("| field |") : text.index("The phases `exhale`")]
+    told = {name for row in table.splitlines()[2:] if row for name in re.findall(r"`([a-z_]+)`", row.split("|")[1])}
+    schema = json.loads((DOCS / "schema" / "report-1.json").read_text(encoding="utf-8"))
+    assert told == set(schema["required"]) - {"format"}

@@ -59,7 +59,8 @@ def _write_sensor(recording: Recording, name: SensorName, stem: Path) -> str:
     columns = _columns(track)
     values = np.column_stack([values for values, *_ in columns])
     text = io.StringIO()
-    np.savetxt(text, values, fmt="%.9g", delimiter="\t")  # a motion file has no header
+    # A motion file has no header. A clock may count from 1970: its microseconds need 16 digits.
+    np.savetxt(text, values, fmt=["%.16g", *["%.9g"] * (len(columns) - 1)], delimiter="\t")
     motion = stem.with_name(stem.name + "_motion.tsv")
     motion.write_text(text.getvalue(), encoding="utf-8")
     channels = [

@@ -99,7 +99,9 @@ def _unknown(recording: Recording, settings: ClockSettings) -> ClockFit:
 
 def _rates(track: ImuTrack) -> _Rates:
     time_s, gyr = track.time_s, track.gyr_rad_s
-    n_block = max(4, round(_REST_BLOCK_S * track.rate_hz))
+    step_s = np.diff(time_s)
+    usual_s = float(np.median(step_s))
+    n_block = max(4, round(_REST_BLOCK_S / usual_s))
     blocks = gyr[: gyr.shape[0] // n_block * n_block].reshape(-1, n_block, 3)
     means = np.einsum("ijk->ik", blocks) / n_block
     variance = np.einsum("ijk,ijk->i", blocks, blocks) / n_block - np.einsum("ij,ij->i", means, means)
@@ -107,8 +109,7 @@ def _rates(track: ImuTrack) -> _Rates:
     noise = float(np.sqrt(max(variance[stillest], 0.0)))
     if noise < _MAX_REST_SD_RAD_S:
         gyr = gyr - means[stillest]
-    step_s = np.diff(time_s)
-    is_whole = step_s < 2.5 * np.median(step_s)
+    is_whole = step_s < 2.5 * usual_s
     is_good = np.ones(time_s.size, dtype=np.bool_)
     is_good[1:] &= is_whole
     is_good[:-1] &= is_whole
@@ -129,9 +130,13 @@ def _fit(body: _Rates, lever: _Rates, settings: ClockSettings, *, lever_moves: b
 
     def refined(model: _Model, reference_s: float, half_s: float) -> _Fitted | None:
         chosen = np.flatnonzero(lever.is_good & (np.abs(lever.time_s - reference_s) <= half_s))
-        if chosen.size > settings.max_samples:  # the steepest ones say nearly all
-            steepest = np.argpartition(steepness[chosen], -settings.max_samples)[-settings.max_samples :]
-            chosen = np.sort(chosen[steepest])
+        if chosen.size > settings.max_samples:
+            # The steepest samples say most of the offset; drift needs some of every second.
+            half = settings.max_samples // 2
+            order = np.argpartition(steepness[chosen], -half)
+            rest = np.sort(order[:-half])
+            spread = rest[:: -(-rest.size // half)]
+            chosen = chosen[np.sort(np.concatenate([order[-half:], spread]))]
         return _refine(body, lever, chosen, model, reference_s, settings, lever_moves=lever_moves)
 
     found: _Fitted | None = None
@@ -140,6 +145,8 @@ def _fit(body: _Rates, lever: _Rates, settings: ClockSettings, *, lever_moves: b
         candidate = refined(start, middle_s - offset_s, half_s)
         if candidate is not None and (found is None or candidate.share_left < found.share_left):
             found = candidate
+            if candidate.fit.is_found and candidate.share_left < settings.clear_share:
+                break
     while found is not None and (middle_s - half_s > body.time_s[0] or middle_s + half_s < body.time_s[-1]):
         half_s *= 4.0
         found = refined(found.model, found.fit.reference_s, half_s)
