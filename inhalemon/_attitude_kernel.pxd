@@ -81,6 +81,11 @@ cdef class AttitudeFilter:
     @cython.locals(q=cython.p_double, n=double, s=double, qw=double, qx=double, qy=double, qz=double)
     cdef void tilt(self, double hx, double hy) noexcept
 
+    @cython.locals(
+        p=cython.p_double, h="double[8]", k="double[8]", h2="double[8]", k2="double[8]", s=double, s2=double, c=double,
+        y2=double, j=cython.Py_ssize_t)
+    cdef void update_velocity(self, double vx, double vy, double var) noexcept
+
     @cython.locals(p=cython.p_double, h="double[8]", k="double[8]", s=double, y=double, j=cython.Py_ssize_t)
     cdef void update(self, Py_ssize_t i, double error, double var) noexcept
 

@@ -344,12 +344,8 @@ class AttitudeFilter:
         if r_given >= 0.0:
             r = r_given
         self.r = r
-        for i in range(8):
-            self.d[i] = 0.0
-        self.n_updates = 0
         s = (self.rest_r if is_rest else r * self.r_factor) / self.dt
-        self.update(2, vx, s)
-        self.update(3, vy, s)
+        self.update_velocity(vx, vy, s)
         if is_rest:
             # At rest the gyro reads its bias. The moment rest is found, the whole time since it began counts.
             s = self.rest_bias_q / (self.dt if self.rest_s - self.dt >= self.rest_min_s else self.rest_s)
@@ -475,7 +471,11 @@ class AttitudeFilter:
         """Turns the attitude by twice the half angle h about the room's x and y, and normalises it."""
         q = self.q
         n = (1.0 + hx * hx + hy * hy) * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-        s = 1.0 / n**0.5
+        if abs(n - 1.0) < 1e-4:
+            s = 1.5 - 0.5 * n  # 1/sqrt(n) by two of Newton's steps, for speed
+            s *= 1.5 - 0.5 * n * s * s
+        else:
+            s = n**-0.5
         qw = q[0] * s
         qx = q[1] * s
         qy = q[2] * s
@@ -484,6 +484,46 @@ class AttitudeFilter:
         q[1] = qx + hx * qw + hy * qz
         q[2] = qy - hx * qz + hy * qw
         q[3] = qz + hx * qy - hy * qx
+
+    def update_velocity(self, vx: float, vy: float, var: float) -> None:
+        """The two velocities, one after the other, as `update` would; the covariance is gone through once."""
+        p = self.p
+        h = [0.0] * 8
+        k = [0.0] * 8
+        h2 = [0.0] * 8
+        k2 = [0.0] * 8
+        s = 1.0 / (p[18] + var)
+        for j in range(8):
+            h[j] = p[16 + j]
+        for j in range(8):
+            k[j] = h[j] * s
+        c = k[3]
+        for j in range(8):
+            h2[j] = p[24 + j] - c * h[j]
+        s2 = 1.0 / (h2[3] + var)
+        for j in range(8):
+            k2[j] = h2[j] * s2
+        y2 = vy - c * vx
+        for j in range(8):
+            self.d[j] = k[j] * vx + k2[j] * y2
+        for j in range(8):  # seven rows side by side: compilers turn this into vector instructions
+            p[j] -= h[0] * k[j] + h2[0] * k2[j]
+            p[8 + j] -= h[1] * k[j] + h2[1] * k2[j]
+            p[16 + j] -= h[2] * k[j] + h2[2] * k2[j]
+            p[24 + j] -= h[3] * k[j] + h2[3] * k2[j]
+            p[32 + j] -= h[4] * k[j] + h2[4] * k2[j]
+            p[40 + j] -= h[5] * k[j] + h2[5] * k2[j]
+            p[48 + j] -= h[6] * k[j] + h2[6] * k2[j]
+        for j in range(8):
+            self.k[j] = k[j]
+            self.k[8 + j] = k2[j]
+        self.i[0] = 2
+        self.i[1] = 3
+        self.y[0] = vx * s
+        self.y[1] = y2 * s2
+        self.s[0] = s
+        self.s[1] = s2
+        self.n_updates = 2
 
     def update(self, i: int, error: float, var: float) -> None:
         """One scalar measurement of error i, with its variance."""
@@ -793,7 +833,8 @@ def look_ahead(gyr: memoryview[float], b: memoryview[float], delay_s: float, out
         hx = 0.5 * delay_s * (gyr[n, 0] - b[n, 0])
         hy = 0.5 * delay_s * (gyr[n, 1] - b[n, 1])
         hz = 0.5 * delay_s * (gyr[n, 2] - b[n, 2])
-        s = (1.0 + hx * hx + hy * hy + hz * hz) ** -0.5
+        s = hx * hx + hy * hy + hz * hz
+        s = 1.0 - s * (0.5 - s * (0.375 - s * 0.3125))  # 1/sqrt(1 + s) for a small turn
         qw = out_q[n, 0] * s
         qx = out_q[n, 1] * s
         qy = out_q[n, 2] * s

@@ -10,7 +10,7 @@ from inhalemon.devices import Device, load_device
 from inhalemon.rules import RuleSet, load_rules
 from inhalemon.settings import Settings
 from inhalemon.signals import resample_attitude
-from inhalemon.stages.attitude import estimate_attitude
+from inhalemon.stages.attitude import GRAVITY_M_S2, estimate_attitude
 from inhalemon.stages.calibrate import calibrate
 from inhalemon.stages.clocks import align_clocks
 from inhalemon.stages.doses import split_doses
@@ -64,15 +64,22 @@ def estimate_tracks(recording: Recording, settings: Settings | None = None, *, d
     if has_shut_state and settings.sensors.is_used:
         recording = correct_sensors(as_recorded, axis, settings.sensors)
     # A delay that both sensors share only shifts the clock: angles and phases stay on the samples' own time.
-    attitude = replace(settings.attitude, gyr_delay_s=0.0)
+    # offset that tilts a part the same way all along is in the shut angle too: the angle doubts only what changes.
+    attitude = replace(settings.attitude, gyr_delay_s=0.0, sd_acc_bias_m_s2=settings.lever.sd_acc_change_m_s2)
     body = estimate_attitude(recording.body, attitude)
     lever = resample_attitude(estimate_attitude(recording.lever, attitude), body.time_s)
     calibration = calibrate(body, lever, axis, settings.lever, has_shut_state=has_shut_state)
     angle = lever_angle(body, lever, calibration)
+    body, lever = (_with_offset(part, settings.attitude.sd_acc_bias_m_s2) for part in (body, lever))
     quality = assess_quality(
         as_recorded, clock, settings.quality, calibration=calibration, lever=angle, hinge_axis=axis
     )
     return Tracks(recording, clock, body, lever, calibration, angle, quality)
+
+
+def _with_offset(track: AttitudeTrack, sd_acc_bias_m_s2: float) -> AttitudeTrack:
+    """The attitude with the accelerometer's offset in its standard deviation."""
+    return replace(track, sd_tilt_rad=np.hypot(track.sd_tilt_rad, sd_acc_bias_m_s2 / GRAVITY_M_S2))
 
 
 def track_lever(recording: Recording, settings: Settings | None = None, *, device: Device | None = None) -> LeverTrack:

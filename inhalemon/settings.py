@@ -101,7 +101,9 @@ class AttitudeSettings:
     gyr_scale_time_s: float = 0.3  # ... and a stroke of a hand lasts so long
     bias_walk_deg_s_sqrt_s: float = 0.01
     acc_noise_m_s_sqrt_s: float = 0.01
-    sd_acc_bias_m_s2: float = 0.05  # what is left of the offset (data sheets: 60-90 mg before trimming)
+    sd_acc_bias_m_s2: float = (
+        0.3  # not seen by the filter, added to sd: 90 mg as three standard deviations, and mounting
+    )
 
     # samples that cannot be trusted
     clip_rate_deg_s: float = 200.0  # the same reading three times running, beyond this, is taken for clipped
@@ -117,7 +119,7 @@ class AttitudeSettings:
     start_s: float = 1.0  # while recording: so long the tilt is that of the mean specific force
     sd_start_tilt_deg: float = 40.0
     sd_start_velocity_m_s: float = 1.0
-    sd_start_bias_deg_s: float = 2.0  # MPU-9250: +-5 deg/s; what a rest shows is believed beyond it
+    sd_start_bias_deg_s: float = 3.0  # MPU-9250: +-5 deg/s, LSM9DS1: +-30; a rest is believed beyond it
 
     # the measurement "the velocity is zero, give or take R"
     window_s: float = 3.0
@@ -127,9 +129,9 @@ class AttitudeSettings:
     r_start_s: float = 2.0
 
     # rest, where the gyro reads its bias
-    rest_rate_deg_s: float = 2.0  # the largest deviation from the mean of a rest
-    rest_acc_m_s2: float = 0.5
-    rest_min_s: float = 1.5
+    rest_rate_deg_s: float = 1.0  # the largest deviation from the mean of a rest
+    rest_acc_m_s2: float = 0.3
+    rest_min_s: float = 0.7
     rest_bias_deg_sqrt_s: float = 0.05
     rest_bias_gate_deg_s: float = 1.0
     rest_r_m_sqrt_s: float = 0.02
@@ -163,6 +165,7 @@ class LeverSettings:
     heading_walk_rad_s: float = math.radians(0.02)  # its random walk, per square root of a second
     min_shown: float = 0.03  # of 1: blocks in which the hinge is more upright than this say nothing
     max_surprise: float = 3.0  # standard deviations
+    sd_acc_change_m_s2: float = 0.1  # an accelerometer's error that changes with attitude: scale and crossed axes, 1 %
     # The hinge axes.
     sd_axis_rad: float = math.radians(3.0)  # how well the profile's axis is known before
     axis_memory_s: float = 1.0  # errors of tilt and a loose hinge last about this long

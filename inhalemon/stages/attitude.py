@@ -132,6 +132,8 @@ def _smooth(
     is_row = np.zeros(n, dtype=np.uint8)
     akf = _new_filter(settings)
     akf.start_s = 0.0  # a finished recording needs no careful start: what comes later corrects it
+    akf.b = out.bias[-1].tolist()  # ... but one near enough to be linear about: the bias as it was known at the end
+    akf.has_rested = True
     states = []
     for first in range(0, n, BLOCK):
         states.append(kernel.AttitudeFilter())
