@@ -45,7 +45,7 @@ SAMPLES: Final = (
     Sample("ellipta_opened_twice.csv", ("opened_repeatedly",), seed=26, subject=10, rate_hz=50.0),
 )
 
-# The default profile's severity of each mistake acted above, as RULES and `inhalemon explain` give it.
+# The default profile's severity of each mistake acted above, as `inhalemon explain` gives it.
 SEVERITY: Final = {
     "press_late": Severity.MAJOR,  # still at the mouth
     "not_shaken": Severity.CRITICAL,
