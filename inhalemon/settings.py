@@ -228,18 +228,19 @@ class PhaseSettings:
     # Lying on a table: below a hand's tremor, above the sensors' noise.
     table_window_s: float = 0.5
     table_acc_m_s2: float = 0.06
-    table_gyr_rad_s: float = 0.005
+    table_gyr_rad_s: float = 0.0045
     min_table_s: float = 0.6
     # At the mouth.
     min_tilt_back_rad: float = math.radians(6.0)
     usual_tilt_back_rad: float = math.radians(12.0)
     max_tilt_back_s: float = 2.0
     min_stay_s: float = 0.3
-    mouth_lift_m: float = 0.12
-    reach_s: float = 4.0  # how far back the hand's own height is looked for
-    min_likeness: float = 0.5
+    mouth_way_m: float = 0.12  # the way to the mouth is longer, for a child too
+    leaving_s: float = 3.0
+    pause_speed: float = 0.3  # clear movements a second
+    min_likeness: float = 0.55
     min_untilted_stay_s: float = 0.6
-    away: float = 2.0  # clear movements: 10 cm from the mouth
+    away_m: float = 0.10  # farther from the mouth than this, the device has left it
     max_breath_s: float = 1.5
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from inhalemon.devices import Device
 from inhalemon.settings import EventSettings
-from inhalemon.signals import moving_mean
+from inhalemon.signals import moving_mean, onset
 from inhalemon.values import DeviceKind, Event, EventKind, FloatArray, Motion, Shake
 
 
@@ -65,6 +65,7 @@ def _strokes(motion: Motion, angle: FloatArray, least_rad: float) -> list[_Strok
         slow = 0.1 * part[fastest]
         begin = low + _last_below(part[: fastest + 1], slow)
         stop = low + fastest + _first_below(part[fastest:], slow)
+        begin = onset(angle, max(begin - round(0.1 * motion.rate_hz), low), stop)
         strokes.append(_Stroke(begin, stop, float(angle[begin]), float(angle[stop])))
     return [stroke for stroke in strokes if abs(stroke.rise_rad) >= least_rad]
 

@@ -22,6 +22,7 @@ from inhalemon.values import (
     Shake,
 )
 
+_AT_REST = (PhaseKind.PUT_DOWN, PhaseKind.REST)
 _INVERTED_RAD = math.radians(90.0)
 
 
@@ -270,6 +271,10 @@ def _cover(dose: _Dose, device: Device) -> dict[str, Measure]:
     if not openings:
         return measures | dict.fromkeys(names, Measure(None, reason="not_opened"))
     opened_s = openings[-1].peak_s
+    # Without an inhalation: until the device is shut or put down.
+    ends = [stroke.start_s for stroke in dose.strokes if stroke.start_s > opened_s]
+    ends += [phase.start_s for phase in dose.phases if phase.kind in _AT_REST and phase.start_s > opened_s]
+    inhaled_s = inhaled_s if dose.inhale else min([inhaled_s, *ends])
     between = dose.samples(opened_s, inhaled_s)
     tilt = motion.tilt_rad[between]
     shaken = [shake for shake in dose.shakes if opened_s <= shake.start_s < inhaled_s]

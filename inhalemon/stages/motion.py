@@ -17,6 +17,7 @@ _SD_ACC_M_S2 = 0.15  # per block, what attitude and accelerometer get wrong from
 _SD_BIAS_M_S2 = 0.4  # a level error of 1 deg and an offset of 30 mg
 _WALK_BIAS_M_S2 = 0.15  # how far that wanders within a second, as the inhaler turns
 _SD_STILL_M_S = 0.015  # a hand that holds still
+_HARDLY_STILL = 0.1  # activity at which that is twice as much
 _SD_MOVING_M_S = 1.0  # a hand that does not
 
 
@@ -135,7 +136,7 @@ def _velocity(
     level = np.maximum.reduceat(activity, edges)
     lost = np.logical_or.reduceat(is_gap, edges)
 
-    r = np.minimum(_SD_STILL_M_S**2 * (1.0 + level) ** 3, _SD_MOVING_M_S**2)
+    r = np.minimum(_SD_STILL_M_S * (1.0 + level / _HARDLY_STILL), _SD_MOVING_M_S) ** 2
     w_v = 1.0 / r
     w_a = np.where(lost[:-1], 1e-6, 1.0) / (_SD_ACC_M_S2 * dt) ** 2
     w_b = 1.0 / (_WALK_BIAS_M_S2**2 * dt)

@@ -41,7 +41,10 @@ def find_phases(
     on_table = table_mask(motion, settings)
     holds = find_holds(motion, path, on_table, settings)
     presses = [event for event in events if event.kind in (EventKind.PRESS, EventKind.PARTIAL_PRESS)]
-    stays = _one_a_dose(find_stays(motion, path, holds, presses, settings), motion, shakes, events, device, settings)
+    strokes = [(shake.start_s, shake.end_s) for shake in shakes]
+    strokes += [(event.start_s, event.end_s) for event in events if event.kind in (EventKind.OPEN, EventKind.CLOSE)]
+    stays = find_stays(motion, path, holds, strokes, presses, settings)
+    stays = _one_a_dose(stays, motion, shakes, events, device, settings)
     windows = cut_windows(motion, path, shakes, settings)
 
     masks = _masks(motion, holds, stays, shakes, events)

@@ -20,6 +20,7 @@ class Path:
     speed: FloatArray  # (n,) of the pose, over a fifth of a second: a tremor of 5 Hz does not show
     turn_rad: FloatArray  # (n,) about the body's x: the tilt-back of the device in the hand
     elevation_rad: FloatArray  # (n,) of the body's y against level: the tilt-back of the head, whatever the roll
+    place_m: FloatArray  # (n, 3) in the room
     height_m: FloatArray  # (n,)
 
 
@@ -60,6 +61,7 @@ def path_of(motion: Motion, settings: PhaseSettings) -> Path:
         speed=np.sqrt(np.einsum("ij,ij->i", apart, apart)) / (2 * half * step),
         turn_rad=turned[:, 0],
         elevation_rad=moving_mean(motion.elevation_rad, width),
+        place_m=place,
         height_m=place[:, 2],
     )
 
@@ -69,7 +71,7 @@ def table_mask(motion: Motion, settings: PhaseSettings) -> BoolArray:
     width = round(settings.table_window_s * motion.rate_hz)
     force, gyr = motion.force_m_s2, motion.gyr_rad_s
     acc_var = (moving_mean(force * force, width) - moving_mean(force, width) ** 2).sum(axis=1)
-    gyr_var = moving_mean((gyr * gyr).sum(axis=1), width)
+    gyr_var = (moving_mean(gyr * gyr, width) - moving_mean(gyr, width) ** 2).sum(axis=1)
     is_quiet = (acc_var < settings.table_acc_m_s2**2) & (gyr_var < settings.table_gyr_rad_s**2)
     return drop_short(is_quiet, round(settings.min_table_s * motion.rate_hz))
 
@@ -81,30 +83,28 @@ def find_holds(motion: Motion, path: Path, on_table: BoolArray, settings: PhaseS
     """
     rate = motion.rate_hz
     is_still = close_gaps((path.speed < settings.still_speed) & ~motion.is_gap, round(0.05 * rate))
-    stretches: list[list[int]] = []
+    # Each hold as its still parts: several when something short disturbs it.
+    groups: list[list[tuple[int, int]]] = []
     for start, end in runs(drop_short(is_still, round(settings.min_hold_s * rate))).tolist():
-        if stretches and start - stretches[-1][1] <= round(settings.max_disturbance_s * rate):
-            before, after = path.pose[max(stretches[-1][1] - 10, 0)], path.pose[min(start + 10, end - 1)]
-            is_same_place = float(np.linalg.norm(after - before)) < settings.same_place
-            if is_same_place and not motion.is_gap[stretches[-1][1] : start].any():
-                stretches[-1][1] = end
+        if groups and start - groups[-1][-1][1] <= round(settings.max_disturbance_s * rate):
+            last = groups[-1][-1][1]
+            apart = path.pose[min(start + 10, end - 1)] - path.pose[max(last - 10, 0)]
+            if float(np.linalg.norm(apart)) < settings.same_place and not motion.is_gap[last:start].any():
+                groups[-1].append((start, end))
                 continue
-        stretches.append([start, end])
-    bounds = [0, *(edge for stretch in stretches for edge in stretch), motion.time_s.size]
+        groups.append([(start, end)])
     holds = []
-    for k, (start, end) in enumerate(stretches):
-        first = _arrival(path.pose[bounds[2 * k] : (start + end) // 2 + 1]) + bounds[2 * k]
-        last = _leaving(path.pose[(start + end) // 2 : bounds[2 * k + 3]]) + (start + end) // 2
+    for k, parts in enumerate(groups):
+        before = groups[k - 1][-1][1] if k else 0
+        after = groups[k + 1][0][0] if k + 1 < len(groups) else motion.time_s.size
+        first_middle, last_middle = sum(parts[0]) // 2, sum(parts[-1]) // 2
+        first = _arrival(path.pose[before : first_middle + 1]) + before
+        last = _leaving(path.pose[last_middle:after]) + last_middle
         if last - first < 2:
             continue  # the hand only paused between two movements
-        holds.append(
-            Hold(
-                start=first,
-                end=last,
-                height_m=float(np.median(path.height_m[start:end])),
-                on_table=bool(np.mean(on_table[start:end]) > 0.5),
-            )
-        )
+        whole = slice(parts[0][0], parts[-1][1])
+        is_on_table = float(np.mean(on_table[whole])) > 0.5
+        holds.append(Hold(first, last, float(np.median(path.height_m[whole])), is_on_table))
     return holds
 
 
@@ -135,12 +135,18 @@ def _arrival(pose: FloatArray) -> int:
 
 
 def find_stays(
-    motion: Motion, path: Path, holds: Sequence[Hold], events: Sequence[Event], settings: PhaseSettings
+    motion: Motion,
+    path: Path,
+    holds: Sequence[Hold],
+    strokes: Sequence[tuple[float, float]],
+    presses: Sequence[Event],
+    settings: PhaseSettings,
 ) -> list[Stay]:
     """The holds in the hand that could be stays at the mouth.
 
-    The traits: how far the device is tilted back into it, how far it was lifted to come there and sinks afterwards, and
-    a press nearby. Without a tilt-back, a stay must be lifted and sink and last.
+    The traits: how far the device is tilted back into it, how far it was carried in the hand to come there and is
+    carried away afterwards, and a press nearby. `strokes` are the bouts of shaking and the strokes of the cover, which
+    bound the steps before and after.
     """
     rate = motion.rate_hz
     found = []
@@ -148,34 +154,56 @@ def find_stays(
         lasts_s = (hold.end - hold.start) / rate
         if hold.on_table or lasts_s < settings.min_stay_s:
             continue
-        since = (holds[k - 1].start + holds[k - 1].end) // 2 if k else 0
+        barrier = _prepared(motion, holds, k, strokes)
+        since = max((holds[k - 1].start + holds[k - 1].end) // 2 if k else 0, barrier)
         before = min(max(hold.start - round(settings.max_tilt_back_s * rate), since), hold.start)
         rises = [_rise(signal, before, hold) for signal in (path.elevation_rad, path.turn_rad)]
         gain_rad, low, signal = max(rises, key=lambda rise: rise[0])
         is_tilted = gain_rad >= settings.min_tilt_back_rad
-        lift_m, drop_m = _lift_and_drop(path, holds, k, round(settings.reach_s * rate))
-        begin_s, end_s = motion.time_s[low], motion.time_s[hold.end - 1]
-        traits = (
-            min(gain_rad / settings.usual_tilt_back_rad, 1.0) if is_tilted else 0.0,
-            float(np.clip(lift_m / settings.mouth_lift_m, -1.0, 1.0)),
-            float(np.clip(drop_m / settings.mouth_lift_m, -1.0, 1.0)),
-            1.0 if any(begin_s - 1.0 < event.start_s < end_s for event in events) else 0.0,
-        )
-        if not is_tilted and (min(traits[1:3]) < 0.7 or lasts_s < settings.min_untilted_stay_s):
+        carried_in = _farthest(path, slice(barrier, low + 1), hold)
+        carried_out = _farthest(path, slice(hold.end, hold.end + round(settings.leaving_s * rate)), hold)
+        there = min(carried_in / settings.mouth_way_m, 1.0) * 2.0 - 1.0
+        back = min(carried_out / settings.mouth_way_m, 1.0) * 2.0 - 1.0
+        if is_tilted:
+            begin_s, end_s = motion.time_s[low], motion.time_s[hold.end - 1]
+            is_pressed = any(begin_s - 1.0 < press.start_s < end_s for press in presses)
+            gain = min(gain_rad / settings.usual_tilt_back_rad, 1.0)
+            likeness = max(gain + there + back + is_pressed, 0.0) / 4.0
+        elif (
+            min(there, back) > 0.5
+            and lasts_s >= settings.min_untilted_stay_s
+            and hold.height_m > path.height_m[barrier]
+        ):
+            likeness = 0.4 * (there + back)
+        else:
             continue
-        hold_end, after_end = _afterwards(path, holds, k, settings)
+        hold_end, after_end = _afterwards(motion, path, holds, k, strokes, settings)
         found.append(
             Stay(
-                pause=_pause_before(path, holds, k, settings),
+                pause=_pause_before(path, holds, k, barrier, settings),
                 onset=onset(signal, low, hold.start) if is_tilted else hold.start,
                 end=hold.end,
                 hold_end=hold_end,
                 after_end=after_end,
                 is_tilted=is_tilted,
-                likeness=max(sum(traits), 0.0) / len(traits),
+                likeness=likeness,
             )
         )
     return found
+
+
+def _prepared(motion: Motion, holds: Sequence[Hold], k: int, strokes: Sequence[tuple[float, float]]) -> int:
+    """The sample since when the device is in the hand with no stroke of any kind, before the hold `k`."""
+    begin = holds[k].start
+    taken_up = max((other.end + round(1.0 * motion.rate_hz) for other in holds[:k] if other.on_table), default=0)
+    stroked = max((motion.index(end_s) for start_s, end_s in strokes if motion.index(start_s) < begin), default=0)
+    return min(max(taken_up, stroked), begin)
+
+
+def _farthest(path: Path, stretch: slice, hold: Hold) -> float:
+    """How far from the hold's place the device was within a stretch, m; the odd sample does not count."""
+    away = path.place_m[stretch] - np.median(path.place_m[hold.start : hold.end], axis=0)
+    return float(np.percentile(np.linalg.norm(away, axis=1), 90)) if away.size else 0.0
 
 
 def _rise(signal: FloatArray, before: int, hold: Hold) -> tuple[float, int, FloatArray]:
@@ -184,45 +212,51 @@ def _rise(signal: FloatArray, before: int, hold: Hold) -> tuple[float, int, Floa
     return float(np.median(signal[hold.start : hold.end])) - float(signal[low]), low, signal
 
 
-def _lift_and_drop(path: Path, holds: Sequence[Hold], k: int, reach: int) -> tuple[float, float]:
-    """How far the device was lifted in the hand to come to a hold, and how far it sinks after it, m."""
-    hold = holds[k]
-    taken_up = max((other.end + reach // 4 for other in holds[:k] if other.on_table), default=0)
-    earlier = path.height_m[min(max(hold.start - reach, taken_up), hold.start) : hold.start + 1]
-    later = path.height_m[hold.end - 1 : hold.end + 2 * reach]
-    return hold.height_m - float(np.percentile(earlier, 10)), hold.height_m - float(np.percentile(later, 10))
+def _pause_before(path: Path, holds: Sequence[Hold], k: int, barrier: int, settings: PhaseSettings) -> tuple[int, int]:
+    """The last hold in the hand before the device is carried to the hold `k`; a dwell at the mouth itself is none.
 
-
-def _pause_before(path: Path, holds: Sequence[Hold], k: int, settings: PhaseSettings) -> tuple[int, int]:
-    """The last hold in the hand before the device is lifted to this one; the dwell at the mouth itself is none."""
+    Without one, where the way to the mouth begins, twice.
+    """
     for other in reversed(holds[:k]):
-        if other.on_table:
+        if other.on_table or other.end <= barrier:
             break
-        if holds[k].height_m - other.height_m > 0.5 * settings.mouth_lift_m:
-            return other.start, other.end
-    return holds[k].start, holds[k].start
+        if _distance(path, other, holds[k]) > settings.away_m:
+            first = max(other.start, barrier)
+            moving = np.flatnonzero(path.speed[first : other.end] > settings.pause_speed)
+            # The hand comes to rest bit by bit: the pause begins where it really is still.
+            early = moving[moving < (other.end - first) // 2]
+            return first + (int(early[-1]) + 1 if early.size else 0), other.end
+    begin = max((other.end for other in holds[:k] if not other.on_table), default=barrier)
+    begin = max(min(begin, holds[k].start), barrier)
+    return begin, begin
 
 
-def _afterwards(path: Path, holds: Sequence[Hold], k: int, settings: PhaseSettings) -> tuple[int, int]:
+def _afterwards(
+    motion: Motion,
+    path: Path,
+    holds: Sequence[Hold],
+    k: int,
+    strokes: Sequence[tuple[float, float]],
+    settings: PhaseSettings,
+) -> tuple[int, int]:
     """Until when the device is taken away and held, and until when a small movement and stillness follow."""
-    away = next(
-        (
-            j
-            for j in range(k + 1, len(holds))
-            if np.linalg.norm(_place(path, holds[j]) - _place(path, holds[k])) > settings.away
-        ),
-        None,
-    )
-    if away is None or holds[away].on_table:
-        return holds[away - 1 if away else -1].end, holds[away - 1 if away else -1].end
-    hold_end = after_end = holds[away].end
-    if away + 1 < len(holds) and not holds[away + 1].on_table:
-        moved = float(np.linalg.norm(_place(path, holds[away + 1]) - _place(path, holds[away])))
-        if moved < settings.away and holds[away + 1].start - hold_end < settings.max_breath_s / 0.01:
-            after_end = holds[away + 1].end
+    later = [motion.index(start_s) for start_s, _ in strokes if motion.index(start_s) >= holds[k].end]
+    limit = min(later, default=motion.time_s.size)
+    after = [hold for hold in holds[k + 1 :] if hold.start < limit and not hold.on_table]
+    away = next((j for j, hold in enumerate(after) if _distance(path, hold, holds[k]) > settings.away_m), None)
+    if away is None:
+        end = min((after[-1] if after else holds[k]).end, limit)
+        return end, end
+    hold_end = after_end = min(after[away].end, limit)
+    if away + 1 < len(after) and hold_end < limit:
+        is_small = _distance(path, after[away], after[away + 1]) < settings.away_m
+        if is_small and after[away + 1].start - hold_end < settings.max_breath_s * motion.rate_hz:
+            after_end = min(after[away + 1].end, limit)
     return hold_end, after_end
 
 
-def _place(path: Path, hold: Hold) -> FloatArray:
-    place: FloatArray = np.median(path.pose[hold.start : hold.end, 3:], axis=0)
-    return place
+def _distance(path: Path, one: Hold, other: Hold) -> float:
+    apart = np.median(path.place_m[one.start : one.end], axis=0) - np.median(
+        path.place_m[other.start : other.end], axis=0
+    )
+    return float(np.linalg.norm(apart))
