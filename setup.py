@@ -5,7 +5,7 @@ from setuptools import Extension, setup
 # No fast-math and no contraction: a compiled kernel and its Python form must agree to the bit.
 kernels = [
     Extension(f"inhalemon.{name}", [f"inhalemon/{name}.py"], extra_compile_args=["-O3", "-ffp-contract=off"])
-    for name in ("_attitude_kernel", "_source_kernel")
+    for name in ("_attitude_kernel", "_heading_kernel", "_source_kernel")
 ]
 
 

@@ -9,12 +9,13 @@ arg(sum a conj b), and |a conj b| says how much the hinge shows: 1 when it is le
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from typing import Self
+from dataclasses import dataclass, replace
+from typing import Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from inhalemon import _heading_kernel as kernel
 from inhalemon.rotation import as_matrix
 from inhalemon.settings import LeverSettings
 from inhalemon.values import AttitudeTrack, FloatArray, IntArray
@@ -26,7 +27,7 @@ _SAMPLES_PER_BLOCK = 5  # enough to follow a hand within 0.2 s; more only cost t
 class Blocks:
     """Means over short blocks of what any pair of axes needs, so that trying another pair costs nothing.
 
-    With body axis j and lever axis k, block i sees a conj(b) = j @ level[i] @ k and u_z v_z = j @ upright[i] @ k.
+    With body axis j and lever axis k, a conj(b) is j @ level[i] @ k and u_z v_z is j @ upright[i] @ k in block i.
     """
 
     time_s: FloatArray  # (m,) the middle of each block
@@ -35,6 +36,7 @@ class Blocks:
     rise_body: FloatArray  # (m, 3) the room's vertical in the body's frame
     rise_lever: FloatArray  # (m, 3) and in the lever's
     first: IntArray  # (m,) the first sample of each block
+    block_s: float
 
     @classmethod
     def of(cls, body: AttitudeTrack, lever: AttitudeTrack, block_s: float) -> Self:
@@ -58,13 +60,18 @@ class Blocks:
         upright = np.add.reduceat(rows_body[:, 2, :, None] * rows_lever[:, 2, None, :], starts) / n_taken
         rise_body = np.add.reduceat(rows_body[:, 2], starts) / n_taken[:, :, 0]
         rise_lever = np.add.reduceat(rows_lever[:, 2], starts) / n_taken[:, :, 0]
-        return cls((number[first] + 0.5) * block_s + time_s[0], level, upright, rise_body, rise_lever, first)
+        return cls((number[first] + 0.5) * block_s + time_s[0], level, upright, rise_body, rise_lever, first, block_s)
 
     def __len__(self) -> int:
         return int(self.time_s.size)
 
+    def seen(self, axis_body: FloatArray, axis_lever: FloatArray) -> NDArray[np.complex128]:
+        """The mean a conj(b) of each block (m,), for these axes."""
+        return np.asarray(self.level.reshape(-1, 9) @ np.outer(axis_body, axis_lever).ravel(), dtype=np.complex128)
+
     def __getitem__(self, part: slice) -> Blocks:
-        return Blocks(*(getattr(self, field.name)[part] for field in fields(self)))
+        names = ("time_s", "level", "upright", "rise_body", "rise_lever", "first")
+        return replace(self, **{name: getattr(self, name)[part] for name in names})
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,42 +98,31 @@ def heading_difference(
     A block that shows little of the hinge counts little, one that disagrees wildly is given a larger variance. A lever
     that is probably shut at first (`is_shut_first`) starts with its frame parallel to the body's, about.
     """
-    seen = blocks.level @ axis_lever @ axis_body
+    seen = blocks.seen(axis_body, axis_lever)
     start = blocks.level[0].trace() if is_shut_first else seen[0]
     sd_start_rad = settings.sd_shut_first_rad if is_shut_first else math.pi
-    measured = np.angle(seen).tolist()
-    shown = np.abs(seen).tolist()
-    steps = np.diff(blocks.time_s, prepend=blocks.time_s[0]).tolist()
-    walk = settings.heading_walk_rad_s**2
-    scatter = settings.scatter_factor * _scatter(blocks, np.abs(seen), axis_body, axis_lever, settings, centred=smooth)
-    x, rate = math.atan2(start.imag, start.real), 0.0
-    p00, p01, p11 = sd_start_rad**2, 0.0, settings.sd_heading_rate_rad_s**2
-    told: list[tuple[float, float, float, float, float]] = []
-    known: list[tuple[float, float, float, float, float]] = []
-    for dt, angle, size, white in zip(steps, measured, shown, scatter.tolist(), strict=True):
-        x += dt * rate
-        p00 += dt * (2.0 * p01 + dt * p11) + walk * dt**3 / 3.0
-        p01 += dt * p11 + walk * dt**2 / 2.0
-        p11 += walk * dt
-        told.append((x, rate, p00, p01, p11))
-        if size > settings.min_shown:
-            surprise = math.remainder(angle - x, math.tau)
-            variance = white / size
-            # Huber's weight: a block far off its forecast pulls no harder than one at the limit.
-            excess = abs(surprise) / (settings.max_surprise * math.sqrt(p00 + variance))
-            variance *= max(1.0, excess)
-            gain = p00 / (p00 + variance)
-            gain_rate = p01 / (p00 + variance)
-            x += gain * surprise
-            rate += gain_rate * surprise
-            p11 -= gain_rate * p01
-            p01 -= gain * p01
-            p00 -= gain * p00
-        known.append((x, rate, p00, p01, p11))
+    shown = np.abs(seen)
+    scatter = _scatter(blocks, shown, axis_body, axis_lever, settings, centred=smooth)
+    scatter *= max(1.0, settings.scatter_memory_s / blocks.block_s)  # neighbours err alike
+    step_s = np.diff(blocks.time_s, prepend=blocks.time_s[0])
+    told, known = np.empty((2, len(blocks), 5))
+    kernel.filter_heading(
+        _view(step_s),
+        _view(np.angle(seen)),
+        _view(shown),
+        _view(scatter),
+        float(np.angle(start)),
+        sd_start_rad**2,
+        settings.sd_heading_rate_rad_s**2,
+        settings.heading_walk_rad_s**2,
+        settings.min_shown,
+        settings.max_surprise,
+        _view(told),
+        _view(known),
+    )
     if smooth:
-        _smooth(known, told, steps)
-    rad, rates, variances, _, _ = (np.array(column) for column in zip(*known, strict=True))
-    return Heading(rad, rates, np.sqrt(variances))
+        kernel.smooth_heading(_view(step_s), _view(told), _view(known))
+    return Heading(known[:, 0], known[:, 1], np.sqrt(known[:, 2]))
 
 
 def _scatter(
@@ -141,46 +137,18 @@ def _scatter(
     """Variance of the hinge's direction as one attitude sees it against the other, block by block, in rad^2.
 
     What heading cannot mend, the difference in elevation, shows how well the two agree just now: a loose hinge and a
-    shaken sensor agree badly. Its mean square over a window is the variance, with some blocks' worth of `sd_hinge_rad`.
+    shaken sensor agree badly. Its mean square over a window is the variance, with `sd_hinge_s` worth of `sd_hinge_rad`.
     """
-    half = round(settings.scatter_window_s / settings.block_s)
-    m = len(blocks)
     rise = blocks.rise_body @ axis_body - blocks.rise_lever @ axis_lever
-    end = np.arange(m) + 1
-    begin = np.maximum(end - half, 0)
+    begin = np.searchsorted(blocks.time_s, blocks.time_s - settings.scatter_window_s)
+    end = np.arange(len(blocks)) + 1
     if centred:
-        end = np.minimum(end + half, m)
+        end = np.searchsorted(blocks.time_s, blocks.time_s + settings.scatter_window_s, side="right")
     misfit = np.diff(np.concatenate([[0.0], np.cumsum(rise**2)])[np.stack([begin, end])], axis=0)[0]
     weight = np.diff(np.concatenate([[0.0], np.cumsum(shown)])[np.stack([begin, end])], axis=0)[0]
-    prior = settings.sd_hinge_blocks
+    prior = settings.sd_hinge_s / blocks.block_s
     variance: FloatArray = (misfit + prior * settings.sd_hinge_rad**2) / (weight + prior)
     return variance
-
-
-def _smooth(
-    known: list[tuple[float, float, float, float, float]],
-    told: list[tuple[float, float, float, float, float]],
-    steps: list[float],
-) -> None:
-    """Rauch, Tung and Striebel's backward pass over (offset, rate, variances), in place."""
-    for i in range(len(known) - 2, -1, -1):
-        dt = steps[i + 1]
-        x, rate, p00, p01, p11 = known[i]
-        x_told, rate_told, t00, t01, t11 = told[i + 1]
-        x_next, rate_next, n00, n01, n11 = known[i + 1]
-        determinant = t00 * t11 - t01 * t01
-        a, b, c, d = p00 + dt * p01, p01, p01 + dt * p11, p11
-        g00, g01 = (a * t11 - b * t01) / determinant, (b * t00 - a * t01) / determinant
-        g10, g11 = (c * t11 - d * t01) / determinant, (d * t00 - c * t01) / determinant
-        dx, drate = x_next - x_told, rate_next - rate_told
-        e00, e01, e11 = n00 - t00, n01 - t01, n11 - t11
-        known[i] = (
-            x + g00 * dx + g01 * drate,
-            rate + g10 * dx + g11 * drate,
-            p00 + g00 * g00 * e00 + 2.0 * g00 * g01 * e01 + g01 * g01 * e11,
-            p01 + g00 * g10 * e00 + (g00 * g11 + g01 * g10) * e01 + g01 * g11 * e11,
-            p11 + g10 * g10 * e00 + 2.0 * g10 * g11 * e01 + g11 * g11 * e11,
-        )
 
 
 def fit_axes(
@@ -192,29 +160,30 @@ def fit_axes(
     all blocks for two small angles a side, and for an offset and a slope of the heading, which would otherwise hide
     half of what the axes are off. Tilt errors last for about `axis_memory_s`: the blocks count once in that time.
     """
+    share = min(1.0, blocks.block_s / settings.axis_memory_s)
     axis_body = axis_lever = axis
     known = 1.0 / settings.sd_axis_rad**2
-    share = settings.block_s / settings.axis_memory_s
     ramp = np.stack([np.ones(len(blocks)), np.linspace(-1.0, 1.0, len(blocks))])
     for _ in range(settings.n_axis_fits):
         heading = heading_difference(blocks, axis_body, axis_lever, settings, smooth=True, is_shut_first=is_shut_first)
-        turned = np.exp(-1j * heading.rad)[:, None, None] * blocks.level
-        weight = share / _scatter(blocks, np.abs(turned @ axis_lever @ axis_body), axis_body, axis_lever, settings)
-        # |u - v|^2 is 2 - 2 axis_body @ (turned.real + upright) @ axis_lever; turned.imag is its slope with heading.
-        agree = np.tensordot(weight, turned.real + blocks.upright, axes=1)
-        slope = np.tensordot(ramp * weight, turned.imag, axes=1)
-        bend = (ramp * (weight * (turned.real @ axis_lever @ axis_body))) @ ramp.T
+        seen = blocks.seen(axis_body, axis_lever)
+        turn = np.exp(-1j * heading.rad)
+        weight = share / _scatter(blocks, np.abs(seen), axis_body, axis_lever, settings)
+        # |u - v|^2 is 2 - 2 axis_body @ (level.real + upright) @ axis_lever, the level turned by the heading; its slope
+        # with heading is the imaginary part.
+        turned = ((ramp * weight * turn) @ blocks.level.reshape(-1, 9)).reshape(2, 3, 3)
+        agree = turned[0].real + (weight @ blocks.upright.reshape(-1, 9)).reshape(3, 3)
+        slope = turned.imag
+        bend = (ramp * weight * (turn * seen).real) @ ramp.T
         body, lever = _across(axis_body), _across(axis_lever)
         cross = body.T @ agree @ lever
         body_slope, lever_slope = -(slope @ axis_lever @ body).T, -(axis_body @ slope @ lever).T
-        stiff = (axis_body @ agree @ axis_lever + known) * np.eye(2)
-        normal = np.block(
-            [
-                [stiff, -cross, body_slope],
-                [-cross.T, stiff, lever_slope],
-                [body_slope.T, lever_slope.T, bend + np.eye(2)],  # a radian is known of the heading: never singular
-            ]
-        )
+        normal = np.empty((6, 6))
+        normal[:2, :2] = normal[2:4, 2:4] = (axis_body @ agree @ axis_lever + known) * np.eye(2)
+        normal[:2, 2:4], normal[2:4, :2] = -cross, -cross.T
+        normal[:2, 4:], normal[4:, :2] = body_slope, body_slope.T
+        normal[2:4, 4:], normal[4:, 2:4] = lever_slope, lever_slope.T
+        normal[4:, 4:] = bend + np.eye(2)  # a radian is known of the heading: never singular
         pull = [
             body.T @ (agree @ axis_lever + known * (axis - axis_body)),
             lever.T @ (axis_body @ agree + known * (axis - axis_lever)),
@@ -232,8 +201,17 @@ def _unit(v: FloatArray) -> FloatArray:
 
 
 def _across(axis: FloatArray) -> FloatArray:
-    """(3, 2): two unit vectors across a unit axis and across each other."""
-    least = np.eye(3)[np.argmin(np.abs(axis))]
-    first = np.cross(axis, least)
-    first = first / np.linalg.norm(first)
-    return np.stack([first, np.cross(axis, first)], axis=-1)
+    """(3, 2): two unit vectors across a unit axis and across each other.
+
+    Source: Duff et al. (2017), Building an orthonormal basis, revisited, JCGT 6(1).
+    """
+    x, y, z = axis.tolist()
+    sign = math.copysign(1.0, z)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    return np.array([[1.0 + sign * x * x * a, b], [sign * b, sign + y * y * a], [-sign * x, -y]])
+
+
+def _view(values: FloatArray) -> memoryview[float]:
+    """The array's own memory: the compiled kernel and plain Python both index it, and Python gets plain floats."""
+    return cast("memoryview[float]", np.ascontiguousarray(values).data)

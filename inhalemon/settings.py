@@ -64,7 +64,7 @@ class SensorSettings:
     """How the sensors' biases are found from the shut lever and from gravity, in a finished recording."""
 
     is_used: bool = True
-    block_s: float = 0.1
+    block_s: float = 0.2
     min_common_s: float = 2.0  # of both sensors, and of the shut lever
     sd_gyr_rad_s: float = math.radians(0.3)  # of a block's mean: tremor, a soft lever
     sd_gyr_scale: float = 0.02  # of the rate: the sensors' scales
@@ -156,10 +156,10 @@ class LeverSettings:
     smooth: bool = True
     # The heading between the two rooms: a Kalman filter on blocks.
     block_s: float = 0.2
-    sd_hinge_rad: float = math.radians(1.0)
-    sd_hinge_blocks: float = 5.0
-    scatter_window_s: float = 3.0
-    scatter_factor: float = 3.0
+    sd_hinge_rad: float = math.radians(1.0)  # of the hinge's direction between the attitudes, until the data tell
+    sd_hinge_s: float = 1.0  # how much data that is worth
+    scatter_window_s: float = 3.0  # the data that tell
+    scatter_memory_s: float = 0.6  # such errors last: measured on real hinges, 0.3-0.6 s
     sd_shut_first_rad: float = math.radians(30.0)  # of a device that is usually shut at first
     sd_heading_rate_rad_s: float = math.radians(0.5)  # what is left of the gyros' bias at the start
     heading_walk_rad_s: float = math.radians(0.02)  # its random walk, per square root of a second

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from inhalemon import _heading_kernel as kernel
 from inhalemon.rotation import about_z, from_rotation_vector, multiply, normalise
 from inhalemon.settings import LeverSettings
 from inhalemon.signals import resample_attitude
@@ -192,3 +194,23 @@ def test_real_hinges_are_tracked_better_than_by_qmt_on_the_same_attitudes(is_fin
     assert np.mean(ours) < min(np.mean(errors) for errors in peer.values())
     if is_finished:
         assert np.mean(ours) < 0.35
+
+
+def test_compiled_heading_filter_equals_its_python_form() -> None:
+    """The same source, run by Python: to the bit, so that a machine without a compiler gives the same report."""
+    path = Path(kernel.__file__).with_name("_heading_kernel.py")
+    spec = importlib.util.spec_from_file_location("heading_kernel_as_python", path)
+    assert spec is not None
+    assert spec.loader is not None
+    as_python = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(as_python)
+    rng = np.random.default_rng(0)
+    m = 200
+    given = [np.full(m, 0.2), rng.normal(0.0, 2.0, m), rng.uniform(0.0, 1.0, m), rng.uniform(1e-4, 1e-2, m)]
+    known = []
+    for form in (kernel, as_python):
+        told, out = np.empty((m, 5)), np.empty((m, 5))
+        form.filter_heading(*(v.data for v in given), 0.3, 9.0, 1e-4, 1e-7, 0.03, 3.0, told.data, out.data)
+        form.smooth_heading(given[0].data, told.data, out.data)
+        known.append(out)
+    np.testing.assert_array_equal(known[0], known[1])
