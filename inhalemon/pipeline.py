@@ -63,7 +63,7 @@ def estimate_tracks(recording: Recording, settings: Settings | None = None, *, d
     recording = as_recorded
     if has_shut_state and settings.sensors.is_used:
         recording = correct_sensors(as_recorded, axis, settings.sensors)
-    # A delay that both sensors share only shifts the clock: angles and phases stay on the samples' own time.
+    # A delay that both sensors share only shifts the clock: angles and phases stay on the samples' own time. An
     # offset that tilts a part the same way all along is in the shut angle too: the angle doubts only what changes.
     attitude = replace(settings.attitude, gyr_delay_s=0.0, sd_acc_bias_m_s2=settings.lever.sd_acc_change_m_s2)
     body = estimate_attitude(recording.body, attitude)

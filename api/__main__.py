@@ -1,0 +1,124 @@
+"""`python -m api`: serve, and what an operator does beside it."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from api import operations
+from api.principal import Role, Scope
+from api.problems import ConfigurationError, ProblemError
+from api.settings import ServiceSettings, load, unknown_variables
+
+app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
+
+_SLUG = r"[a-z0-9][a-z0-9-]{0,62}"
+
+
+def _say(text: str = "") -> None:
+    typer.echo(text)
+
+
+def _note(text: str) -> None:
+    typer.echo(text, err=True)
+
+
+def _slug(given: str) -> str:
+    if not re.fullmatch(_SLUG, given):
+        raise typer.BadParameter(f"{given!r}: lower-case letters, digits and hyphens are wanted")
+    return given
+
+
+Clinic = Annotated[str, typer.Option("--clinic", help="its short name, such as north", callback=_slug)]
+RoleOption = Annotated[Role, typer.Option("--role")]
+
+
+@app.command()
+def serve(
+    host: Annotated[str | None, typer.Option(help="address to listen at")] = None,
+    port: Annotated[int | None, typer.Option(help="0 takes any free one")] = None,
+    data_dir: Annotated[Path | None, typer.Option(help="where everything is kept")] = None,
+    with_samples: Annotated[bool, typer.Option("--with-samples", help="load the sample sessions")] = False,
+) -> None:
+    """Start the service: makes the data folder, brings the database up to date, opens the review pages."""
+    from api.serving import run  # noqa: PLC0415  # the other commands need no web server
+
+    given = {"host": host, "port": port, "data_dir": data_dir}
+    run(load(**{name: value for name, value in given.items() if value is not None}), with_samples=with_samples)
+
+
+@app.command()
+def migrate() -> None:
+    """Bring the database to the present schema."""
+    from api.store import schema  # noqa: PLC0415
+
+    with operations.opened(_settings()) as service:
+        _say(f"The database is at schema {schema.present(service.store)}.")
+
+
+@app.command("add-clinic")
+def add_clinic(slug: Annotated[str, typer.Argument(callback=_slug)]) -> None:
+    """Add a clinic."""
+    with operations.opened(_settings()) as service:
+        is_new = operations.add_clinic(service, slug)
+    _say(f"Clinic {slug} {'was added' if is_new else 'is there already'}.")
+
+
+@app.command("add-user")
+def add_user(
+    name: str,
+    role: RoleOption,
+    clinic: Annotated[list[str], typer.Option(help="repeat it for a pharmacist with several")],
+    password_stdin: Annotated[bool, typer.Option(help="read the password from standard input")] = False,
+) -> None:
+    """Add a person, and print a one-time password on the last line."""
+    clinics = [_slug(each) for each in clinic]
+    password = sys.stdin.readline().rstrip("\n") if password_stdin else None
+    with operations.opened(_settings()) as service:
+        one_time = operations.add_user(service, name, role, clinics, password)
+    _note(f"{name} is {role} at {', '.join(clinics)}.")
+    if one_time is not None:
+        _note("One-time password, to be changed at the first login:")
+        _say(one_time)
+
+
+@app.command("add-key")
+def add_key(
+    clinic: Clinic,
+    role: RoleOption,
+    label: Annotated[str, typer.Option(help="what it is for")] = "",
+    scope: Annotated[list[Scope] | None, typer.Option(help="fewer than the role's; repeat it")] = None,
+    days: Annotated[float | None, typer.Option(help="until it runs out")] = None,
+) -> None:
+    """Make an API key, and print it alone on the last line. It cannot be shown again."""
+    scopes = frozenset(scope) if scope else None
+    with operations.opened(_settings()) as service:
+        made = operations.add_key(service, clinic, role, scopes=scopes, label=label, days=days)
+    _note(f"Key {made.prefix} of clinic {clinic}, {role}. Send it as: Authorization: Bearer KEY")
+    _say(made.key)
+
+
+def _settings() -> ServiceSettings:
+    return load()
+
+
+def main() -> None:
+    """Run the command line: 0 done, 1 refused, 2 usage, 4 bad settings."""
+    for name in unknown_variables():
+        _note(f"Nobody reads the variable {name}; is it misspelt?")
+    try:
+        app()
+    except ConfigurationError as error:
+        _note(f"Settings: {error}")
+        raise SystemExit(4) from error
+    except ProblemError as error:
+        _note(f"{error.title}: {error.detail}")
+        raise SystemExit(1) from error
+
+
+if __name__ == "__main__":
+    main()

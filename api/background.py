@@ -1,0 +1,78 @@
+"""What runs beside the requests: sessions left unscored, files of erased sessions, webhooks, retention."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+
+import structlog
+from starlette.concurrency import run_in_threadpool
+
+from api import erasing, webhooks
+from api.moments import DAY_US, now_us
+from api.problems import ProblemError
+from api.scoring import Scorer
+from api.service import Service
+from api.store import chores, people, sessions
+
+log = structlog.get_logger(__name__)
+
+_PAUSE_S = 1.0
+_TIDY_EVERY_S = 3600.0
+_AT_ONCE = 16
+ACTOR = "service"
+
+
+def resume(service: Service) -> None:
+    """After a start: what was stored and not scored is due, and what was to be erased goes."""
+    with service.store.write() as connection:
+        waiting = sessions.all_due(connection)
+    if waiting:
+        log.info("unscored sessions found", count=waiting)
+    erasing.finish(service)
+
+
+async def run(service: Service, scorer: Scorer) -> None:
+    """Until it is cancelled."""
+    tidied_s = -_TIDY_EVERY_S
+    async with webhooks.Sender(service) as sender:
+        while True:
+            try:
+                await _score_due(service, scorer)
+                await sender.deliver_due()
+                if time.monotonic() - tidied_s > _TIDY_EVERY_S:
+                    tidied_s = time.monotonic()
+                    await run_in_threadpool(_tidy, service)
+            except Exception:  # the next round may fare better; the requests must not suffer
+                log.exception("background work failed")
+            await asyncio.sleep(_PAUSE_S)
+
+
+async def _score_due(service: Service, scorer: Scorer) -> None:
+    def due() -> list[sessions.Session]:
+        with service.store.read() as connection:
+            return sessions.due(connection, _AT_ONCE)
+
+    async def score(session: sessions.Session) -> None:
+        with contextlib.suppress(ProblemError):  # noted with the session
+            await scorer.score(session, ACTOR, in_background=True)
+
+    await asyncio.gather(*(score(session) for session in await run_in_threadpool(due)))
+
+
+def _tidy(service: Service) -> None:
+    with service.store.write() as connection:
+        people.drop_old_logins(connection)
+        chores.drop_old_deliveries(connection)
+    service.cache.trim()
+    if service.settings.retention_days is not None:
+        before_us = now_us() - service.settings.retention_days * DAY_US
+        while True:
+            with service.store.read() as connection:
+                old = sessions.older_than(connection, before_us, 100)
+            if not old:
+                break
+            for session in old:
+                erasing.erase(service, session, ACTOR, reason="retention")
+        log.info("retention applied", days=service.settings.retention_days)

@@ -1,0 +1,122 @@
+"""Stored things in the words of `models.py`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import orjson
+
+from api import models
+from api.moments import to_datetime, to_iso
+from api.principal import Role, Scope
+from api.store.people import ApiKey, User
+from api.store.reviews import Review, ReviewKind, signed_off_us
+from api.store.sessions import Session, StoredReport
+from inhalemon.values import Grade
+
+
+def moment(at_us: int | None) -> str | None:
+    return None if at_us is None else to_iso(at_us)
+
+
+def summary(session: Session, mistakes: Sequence[str] = ()) -> models.SessionSummary:
+    return models.SessionSummary(**_summary(session, mistakes))  # type: ignore[arg-type]  # pydantic parses the moments
+
+
+def _summary(session: Session, mistakes: Sequence[str]) -> dict[str, object]:
+    return {
+        "id": session.id,
+        "session_id": session.session_ref,
+        "clinic": session.clinic,
+        "device": session.device,
+        "patient_ref": session.patient_ref,
+        "recorded_at": moment(session.recorded_at_us),
+        "uploaded_at": moment(session.uploaded_at_us),
+        "state": session.state,
+        "duration_s": session.duration_s,
+        "grade": session.grade,
+        "points": session.points,
+        "mistakes": list(mistakes),
+        "reviews": session.n_reviews,
+        "reviewed_at": moment(session.reviewed_at_us),
+        "signed_off_at": moment(session.signed_off_us),
+    }
+
+
+def detail(session: Session, report: StoredReport | None, mistakes: Sequence[str]) -> dict[str, object]:
+    """A `SessionDetail` for orjson, with the stored report as it is."""
+    return _summary(session, mistakes) | {
+        "sha256": session.sha256,
+        "n_bytes": session.n_bytes,
+        "uploaded_by": session.uploaded_by,
+        "report": None if report is None else orjson.Fragment(report.body),
+        "problem": None if session.failure is None else orjson.Fragment(session.failure),
+    }
+
+
+def report_version(report: StoredReport) -> models.ReportVersion:
+    return models.ReportVersion(
+        version=report.version,
+        created_at=to_datetime(report.created_at_us),
+        pipeline_version=report.pipeline_version,
+        settings_digest=report.settings_digest,
+        rules_digest=report.rules_digest,
+        grade=Grade(report.grade),
+        points=report.points,
+    )
+
+
+def history(session_id: str, entries: Sequence[Review]) -> models.ReviewHistory:
+    undone = {entry.undoes for entry in entries if entry.kind == ReviewKind.UNDO}
+    signed_off = signed_off_us(entries)
+    return models.ReviewHistory(
+        session=session_id,
+        version=entries[-1].version if entries else 0,
+        signed_off_at=None if signed_off is None else to_datetime(signed_off),
+        entries=[review(entry, is_undone=entry.id in undone) for entry in entries],
+    )
+
+
+def review(entry: Review, *, is_undone: bool = False) -> models.ReviewOut:
+    return models.ReviewOut(
+        id=entry.id,
+        version=entry.version,
+        kind=ReviewKind(entry.kind),
+        rule=entry.rule,
+        verdict=entry.verdict,
+        machine_verdict=entry.machine_verdict,
+        reason=entry.reason,
+        undoes=entry.undoes,
+        is_undone=is_undone,
+        reviewer=entry.reviewer,
+        at=to_datetime(entry.at_us),
+    )
+
+
+def key(found: ApiKey) -> models.KeyOut:
+    return models.KeyOut(
+        id=found.id,
+        prefix=found.prefix,
+        clinic=found.clinic,
+        role=Role(found.role),
+        scopes=[Scope(each) for each in found.scopes.split()],
+        label=found.label,
+        created_at=to_datetime(found.created_at_us),
+        created_by=found.created_by,
+        expires_at=None if found.expires_at_us is None else to_datetime(found.expires_at_us),
+        last_used_at=None if found.last_used_us is None else to_datetime(found.last_used_us),
+        revoked_at=None if found.revoked_at_us is None else to_datetime(found.revoked_at_us),
+    )
+
+
+def user(found: User, visible: Mapping[str, str]) -> models.UserOut:
+    """A person, with the clinics that the one who asks may know of."""
+    return models.UserOut(
+        id=found.id,
+        name=found.name,
+        role=Role(found.role),
+        clinics=[slug for slug in found.clinics if slug in visible],
+        is_active=found.is_active,
+        created_at=to_datetime(found.created_at_us),
+        last_login_at=None if found.last_login_us is None else to_datetime(found.last_login_us),
+    )

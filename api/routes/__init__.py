@@ -1,0 +1,17 @@
+"""The endpoints, thin: check access, call one thing, answer."""
+
+from fastapi import APIRouter
+
+from api.routes import audit, health, keys, login, people, reference, reviews, sessions, uploads
+
+ROUTERS: tuple[APIRouter, ...] = (
+    health.router,
+    uploads.router,
+    sessions.router,
+    reviews.router,
+    reference.router,
+    people.router,
+    keys.router,
+    audit.router,
+    login.router,
+)

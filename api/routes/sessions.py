@@ -1,0 +1,241 @@
+"""Sessions and what belongs to each: reports, the recording itself, curves; correcting and erasing."""
+
+from __future__ import annotations
+
+import base64
+from typing import Annotated
+
+import orjson
+from fastapi import APIRouter, Header, Query, Request, Response
+from fastapi.responses import StreamingResponse
+from starlette.concurrency import run_in_threadpool
+
+from api import erasing, present, series
+from api.access import Administrator, Corrector, Reader, ServiceDep
+from api.answers import REPORT_POLICY, Json
+from api.idempotency import Once
+from api.models import PatientCorrection, Report, ReportVersion, SessionDetail, SessionPage, SessionSummary
+from api.principal import Principal
+from api.problems import ConflictError, NotFoundError
+from api.pseudonym import checked
+from api.routes.common import ClinicQuery, Cursor, Limit, SessionId, problems
+from api.routes.filters import FilterDep, is_named
+from api.scoring import Scorer, ask_worker
+from api.service import Service
+from api.store import sessions
+from api.store.sessions import Order, Session, State
+
+router = APIRouter(prefix="/v1/sessions", tags=["sessions"])
+_MEDIA_TYPES = {
+    ".csv": "text/csv",
+    ".csv.gz": "application/gzip",
+    ".csv.zst": "application/zstd",
+    ".parquet": "application/vnd.apache.parquet",
+}
+
+
+@router.get("", summary="Sessions, filtered and ordered, a page at a time", responses=dict(problems(400, 404)))
+def list_sessions(
+    service: ServiceDep,
+    who: Reader,
+    narrowed: FilterDep,
+    order: Order = Order.NEWEST,
+    clinic: ClinicQuery = None,
+    cursor: Cursor = None,
+    limit: Limit = 50,
+) -> SessionPage:
+    clinic_ids = who.narrowed(clinic)
+    # A cursor belongs to its listing: with other filters or another order it is refused, not misread.
+    listing = f"sessions:{order}:{narrowed}:{clinic_ids}"
+    after = None if cursor is None else service.secret.read_cursor(listing, cursor)
+    with service.store.write() as connection:
+        found = sessions.page(connection, clinic_ids, narrowed, order, after, limit + 1)
+        shown = found[:limit]
+        mistakes = sessions.mistakes_of(connection, [each.id for each in shown])
+        for clinic_id in clinic_ids:
+            service.audit.record(
+                connection, clinic_id, who.actor, "sessions.listed", count=len(shown), by_patient=is_named(narrowed)
+            )
+    last = sessions.position(shown[-1], order) if len(found) > limit else None
+    return SessionPage(
+        items=[present.summary(each, mistakes[each.id]) for each in shown],
+        next=None if last is None else service.secret.sign_cursor(listing, last),
+    )
+
+
+def seen(service: Service, who: Principal, session_id: str, action: str) -> Session:
+    """The session, with an audit entry that it was looked at. Raises `NotFoundError`."""
+    with service.store.write() as connection:
+        session = sessions.find(connection, who.clinic_ids, session_id)
+        service.audit.record(connection, session.clinic_id, who.actor, action, session.id)
+    return session
+
+
+@router.get(
+    "/{session_id}",
+    summary="One session with its newest report",
+    responses={**problems(404), 200: {"model": SessionDetail}},
+)
+def get_session(service: ServiceDep, who: Reader, session_id: SessionId) -> Response:
+    with service.store.write() as connection:
+        session = sessions.find(connection, who.clinic_ids, session_id)
+        report = sessions.report(connection, session.id)
+        mistakes = sessions.mistakes_of(connection, [session.id])[session.id]
+        service.audit.record(connection, session.clinic_id, who.actor, "session.read", session.id)
+    return Json(present.detail(session, report, mistakes), headers={"etag": f'"{session.n_reviews}"'})
+
+
+@router.patch(
+    "/{session_id}",
+    summary="Correct a wrong patient_ref",
+    responses=dict(problems(404)),
+)
+def correct_session(
+    service: ServiceDep, who: Corrector, session_id: SessionId, given: PatientCorrection
+) -> SessionSummary:
+    ref = None
+    if given.patient_ref is not None:
+        ref = checked(given.patient_ref, allow_names=service.settings.allow_names)
+    with service.store.write() as connection:
+        session = sessions.find(connection, who.clinic_ids, session_id, lock=True)
+        sidecar = orjson.loads(session.sidecar or b"{}") | {"patient_ref": ref}
+        kept = {name: value for name, value in sidecar.items() if value is not None}
+        sessions.set_patient(connection, session.id, ref, orjson.dumps(kept) if kept else None)
+        # That it was changed and by whom; neither the old reference nor the new one.
+        service.audit.record(connection, session.clinic_id, who.actor, "session.patient_corrected", session.id)
+        session = sessions.find(connection, who.clinic_ids, session_id)
+        mistakes = sessions.mistakes_of(connection, [session.id])[session.id]
+    return present.summary(session, mistakes)
+
+
+@router.delete("/{session_id}", status_code=204, summary="Erase a session", responses=dict(problems(404)))
+def erase_session(service: ServiceDep, who: Administrator, session_id: SessionId) -> Response:
+    """Recording, reports, reviews and cached curves go; an audit entry without anything of the patient stays."""
+    with service.store.read() as connection:
+        session = sessions.find(connection, who.clinic_ids, session_id)
+    erasing.erase(service, session, who.actor, reason="request")
+    return Response(status_code=204)
+
+
+# ------------------------------------------------------------------------------------------ reports
+
+
+@router.get("/{session_id}/report", summary="The newest report, or one version", responses=dict(problems(404)))
+def get_report(
+    service: ServiceDep,
+    who: Reader,
+    session_id: SessionId,
+    version: Annotated[int | None, Query(ge=1)] = None,
+) -> Report:
+    return _report(service, who, session_id, version)  # type: ignore[return-value]  # stored JSON, sent as it is
+
+
+def _report(service: Service, who: Principal, session_id: str, version: int | None) -> Response:
+    with service.store.write() as connection:
+        session = sessions.find(connection, who.clinic_ids, session_id)
+        report = sessions.report(connection, session.id, version)
+        if report is None:
+            told = f"is {session.state}" if version is None else f"has no report version {version}"
+            raise NotFoundError(f"Session {session.id} {told}.", state=session.state)
+        service.audit.record(
+            connection, session.clinic_id, who.actor, "report.read", session.id, version=report.version
+        )
+    return Response(
+        report.body, media_type="application/json", headers={"inhalemon-report-version": str(report.version)}
+    )
+
+
+@router.get("/{session_id}/reports", summary="Every report ever made of a session", responses=dict(problems(404)))
+def list_reports(service: ServiceDep, who: Reader, session_id: SessionId) -> list[ReportVersion]:
+    with service.store.write() as connection:
+        session = sessions.find(connection, who.clinic_ids, session_id)
+        service.audit.record(connection, session.clinic_id, who.actor, "reports.listed", session.id)
+        return [present.report_version(each) for each in sessions.report_versions(connection, session.id)]
+
+
+@router.post(
+    "/{session_id}/reports",
+    status_code=201,
+    summary="Score again, with the pipeline of today",
+    responses={**problems(404, 500, 503), 201: {"model": Report}},
+)
+async def score_again(request: Request, service: ServiceDep, who: Corrector, session_id: SessionId) -> Response:
+    """A report equal to the newest is not kept twice: then 201 answers with that one."""
+    session = await run_in_threadpool(seen, service, who, session_id, "session.scored_again")
+    once = Once(service, who, request, session.id)
+    if (before := await once.begin()) is not None:
+        return before
+    async with once:
+        scorer: Scorer = request.app.state.scorer
+        report = await scorer.score(session, who.actor)
+        location = f"/v1/sessions/{session.id}/report?version={report.version}"
+        answer = Response(report.body, 201, {"location": location}, "application/json")
+        return await once.finish(answer, session_id=session.id)
+
+
+@router.get("/{session_id}/report.html", summary="The report as a page of its own", response_class=Response)
+async def get_report_page(service: ServiceDep, who: Reader, session_id: SessionId) -> Response:
+    session = await run_in_threadpool(seen, service, who, session_id, "report.read")
+    if session.state == State.UNUSABLE:
+        raise ConflictError(f"Session {session.id} cannot be used; there is nothing to show.")
+    answer = await ask_worker(service, "page", session)
+    return Response(answer.body, media_type="text/html", headers={"content-security-policy": REPORT_POLICY})
+
+
+# ------------------------------------------------------------------------------------------ recording and curves
+
+
+@router.get(
+    "/{session_id}/recording",
+    summary="The original bytes",
+    response_class=StreamingResponse,
+    responses=dict(problems(404)),
+)
+def get_recording(service: ServiceDep, who: Reader, session_id: SessionId) -> StreamingResponse:
+    session = seen(service, who, session_id, "recording.read")
+    digest = base64.b64encode(bytes.fromhex(session.sha256)).decode()
+    return StreamingResponse(
+        service.files.blocks(session.clinic_id, session.sha256),
+        media_type=_MEDIA_TYPES.get(session.suffix, "application/octet-stream"),
+        headers={
+            "content-length": str(session.n_bytes),
+            "content-disposition": f'attachment; filename="{session.id}{session.suffix or ".csv"}"',
+            "repr-digest": f"sha-256=:{digest}:",
+        },
+    )
+
+
+@router.get(
+    "/{session_id}/series",
+    summary="Curves, reduced to what a screen can show",
+    responses={
+        **problems(404, 500, 503),
+        200: {"content": {"application/json": {}, series.BINARY_TYPE: {}}, "description": "min/max reduced"},
+    },
+)
+async def get_series(
+    service: ServiceDep,
+    who: Reader,
+    session_id: SessionId,
+    channels: Annotated[str | None, Query(max_length=500, examples=["tilt_deg,angle_deg"])] = None,
+    from_s: float | None = None,
+    to_s: float | None = None,
+    max_points: Annotated[int, Query(ge=2, le=50_000)] = 1500,
+    format: Annotated[str | None, Query(pattern="^(json|binary)$")] = None,  # noqa: A002
+    accept: Annotated[str, Header(include_in_schema=False)] = "",
+) -> Response:
+    """JSON, or little-endian float32 with `format=binary` or `Accept: application/vnd.inhalemon.series`: a uint32 with
+    the length of a JSON head, the head, then one row of points for the time and for each channel.
+    """
+    names = series.chosen(channels)
+    session = await run_in_threadpool(seen, service, who, session_id, "series.read")
+    if session.state == State.UNUSABLE:
+        raise ConflictError(f"Session {session.id} cannot be used; there is nothing to show.")
+    table = await series.table_of(service, session)
+    is_binary = format == "binary" or (format is None and series.BINARY_TYPE in accept)
+
+    def packed() -> bytes:
+        points = series.reduced(table, names, from_s=from_s, to_s=to_s, max_points=max_points)
+        return series.as_binary(names, points) if is_binary else series.as_json(names, points)
+
+    return Response(await run_in_threadpool(packed), media_type=series.BINARY_TYPE if is_binary else "application/json")

@@ -1,0 +1,188 @@
+"""Scoring one stored session: a worker does it, the store keeps it, webhooks are told."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+import orjson
+import structlog
+from starlette.concurrency import run_in_threadpool
+
+from api.jobs import Answer, CrashedError, DeadlineError, SaturatedError
+from api.moments import SECOND_US, from_iso, now_us, to_iso
+from api.problems import BusyError, NotReadyError, ProblemError, ScoringFailedError, UnusableRecordingError
+from api.pseudonym import checked
+from api.service import Service
+from api.store import Connection, chores, sessions
+from api.store.sessions import Session, StoredReport
+
+log = structlog.get_logger(__name__)
+
+_BACKOFF_S = (2.0, 10.0, 60.0, 300.0, 1800.0)
+
+
+class Scorer:
+    """Scores sessions, each at most once at a time however many ask."""
+
+    def __init__(self, service: Service) -> None:
+        self._service = service
+        self._under_way: dict[str, asyncio.Task[StoredReport]] = {}
+
+    async def score(self, session: Session, actor: str, *, in_background: bool = False) -> StoredReport:
+        """The session's new report.
+
+        Raises `BusyError`, `ScoringFailedError`, `UnusableRecordingError`. A caller who leaves does not stop it.
+        """
+        task = self._under_way.get(session.id)
+        if task is None:
+            task = asyncio.create_task(self._score(session, actor, in_background=in_background))
+            self._under_way[session.id] = task
+            task.add_done_callback(lambda _: self._under_way.pop(session.id, None))
+        return await asyncio.shield(task)
+
+    async def finish(self) -> None:
+        """Wait for what is under way."""
+        await asyncio.gather(*self._under_way.values(), return_exceptions=True)
+
+    async def _score(self, session: Session, actor: str, *, in_background: bool) -> StoredReport:
+        started_s = time.perf_counter()
+        outcome = "failed"
+        try:
+            answer = await ask_worker(self._service, "score", session, in_background=in_background)
+            kept = await run_in_threadpool(self._keep, session, answer, actor)
+            outcome = "scored"
+            return kept
+        except BusyError:
+            outcome = "saturated"
+            await run_in_threadpool(self._put_off, session)
+            raise
+        except ProblemError as problem:
+            outcome = problem.kind
+            await run_in_threadpool(self._note, session, problem)
+            raise
+        finally:
+            duration_s = time.perf_counter() - started_s
+            self._service.metrics.scorings.labels(outcome).observe(duration_s)
+            log.info("scored", session=session.id, outcome=outcome, duration_ms=round(duration_s * 1000))
+
+    def _keep(self, session: Session, answer: Answer, actor: str) -> StoredReport:
+        service = self._service
+        found = answer.head
+        patient_ref = _text(found.get("patient_ref"))
+        if patient_ref is not None and session.patient_ref is None:  # from within the file
+            patient_ref = checked(patient_ref, allow_names=service.settings.allow_names)
+        recorded_at = _text(found.get("recorded_at"))
+        with service.store.write() as connection:
+            session = sessions.find(connection, (session.clinic_id,), session.id, lock=True)
+            kept = sessions.keep_report(
+                connection,
+                session,
+                answer.body,
+                device=str(found["device"]),
+                session_ref=_text(found.get("session_ref")),
+                patient_ref=patient_ref,
+                recorded_at_us=None if recorded_at is None else from_iso(recorded_at),
+            )
+            service.audit.record(
+                connection,
+                session.clinic_id,
+                actor,
+                "session.scored",
+                session.id,
+                version=kept.version,
+                pipeline=kept.pipeline_version,
+                settings=kept.settings_digest[:12],
+                rules=kept.rules_digest[:12],
+            )
+            announce(connection, session, "session.scored", grade=kept.grade, points=kept.points, version=kept.version)
+        return kept
+
+    def _put_off(self, session: Session) -> None:
+        with self._service.store.write() as connection:
+            sessions.put_off(connection, session.id, 0.0)
+
+    def _note(self, session: Session, problem: ProblemError) -> None:
+        is_final = isinstance(problem, UnusableRecordingError)
+        tries = session.attempts + 1
+        is_last = is_final or tries >= self._service.settings.score_attempts
+        pause_s = _BACKOFF_S[min(tries, len(_BACKOFF_S)) - 1]
+        with self._service.store.write() as connection:
+            sessions.note_failure(
+                connection,
+                session.id,
+                problem.body(),
+                next_try_us=None if is_last else now_us() + round(pause_s * SECOND_US),
+                is_final=is_final,
+            )
+
+
+async def ask_worker(
+    service: Service, task: str, session: Session, *, in_background: bool = False, **more: object
+) -> Answer:
+    """Have a worker do something with a session's recording; its failures told as problems."""
+    order = {
+        "path": str(service.files.path(session.clinic_id, session.sha256)),
+        # Errors name it, and without a session_id of its own the recording is called by it.
+        "name": f"{session.id}{session.suffix}",
+        "metadata": None if session.sidecar is None else session.sidecar.decode(),
+        **more,
+    }
+    try:
+        answer = await service.pool.run(_order(service, task, **order), in_background=in_background)
+    except SaturatedError as error:
+        raise BusyError(
+            f"Session {session.id} is kept; its scoring waits until there is room.", session=session.id
+        ) from error
+    except CrashedError as error:
+        raise ScoringFailedError(
+            f"A worker crashed on session {session.id}; its recording is kept and will be tried again.",
+            session=session.id,
+        ) from error
+    except DeadlineError as error:
+        raise ScoringFailedError(
+            f"Session {session.id} was not done within {service.settings.score_deadline_s:g} s; its recording is kept"
+            " and will be tried again.",
+            session=session.id,
+        ) from error
+    refusal = answer.head.get("refusal")
+    if isinstance(refusal, dict):
+        told = str(refusal.pop("sentence"))
+        raise UnusableRecordingError(told, **refusal)
+    if (failure := answer.head.get("failure")) is not None:
+        log.error("worker failed", session=session.id, failure=failure)
+        raise ScoringFailedError(
+            f"Session {session.id} could not be worked on; its recording is kept.", session=session.id
+        )
+    return answer
+
+
+def _order(service: Service, task: str, **more: object) -> dict[str, object]:
+    settings = service.settings.scoring_settings
+    return {
+        "task": task,
+        "settings": None if settings is None else str(settings),
+        "rules": service.settings.scoring_rules,
+        **more,
+    }
+
+
+async def pipeline_versions(service: Service) -> dict[str, str]:
+    """`pipeline`, `settings_digest` and `rules_digest`, as the workers have them; asked once."""
+    if not service.versions:
+        try:
+            answer = await service.pool.run(_order(service, "versions"), in_background=True)
+        except (CrashedError, DeadlineError) as error:
+            raise NotReadyError("No worker can start; the log says why.") from error
+        service.versions.update({name: str(value) for name, value in answer.head.items()})
+    return service.versions
+
+
+def announce(connection: Connection, session: Session, event: str, **more: object) -> None:
+    """Tell the clinic's webhooks of something about a session: identifiers and grades, nothing of the patient."""
+    body = {"event": event, "session": session.id, "clinic": session.clinic, "at": to_iso(now_us()), **more}
+    chores.announce(connection, session.clinic_id, event, orjson.dumps(body))
+
+
+def _text(value: object) -> str | None:
+    return value if isinstance(value, str) and value else None

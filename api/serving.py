@@ -1,0 +1,61 @@
+"""The serving process: what is printed at the start, the web server, the sample sessions."""
+
+from __future__ import annotations
+
+import socket
+import sys
+from pathlib import Path
+
+import typer
+import uvicorn
+
+from api import logs, operations
+from api.app import create_app
+from api.problems import ConfigurationError
+from api.settings import ServiceSettings
+
+_SAMPLES = Path(__file__).parent.parent / "sample_data"
+
+
+def run(settings: ServiceSettings, *, with_samples: bool = False) -> None:
+    """Serve until told to stop."""
+    logs.configure(settings.log_level)
+    with operations.serving_alone(settings.data_dir), _listening(settings) as listener:
+        with operations.opened(settings) as service:
+            password = operations.first_password(service)
+            if with_samples:
+                operations.add_samples(service, _SAMPLES)
+        host, port = listener.getsockname()[:2]
+        address = settings.public_url or f"http://{f'[{host}]' if ':' in host else host}:{port}"
+        _greet(address, settings, password)
+        config = uvicorn.Config(
+            create_app(settings),
+            log_config=None,
+            access_log=False,
+            proxy_headers=True,
+            forwarded_allow_ips=settings.forwarded_allow_ips,
+            server_header=False,
+            timeout_keep_alive=30,
+            timeout_graceful_shutdown=10,
+            h11_max_incomplete_event_size=64 * 1024,
+        )
+        uvicorn.Server(config).run(sockets=[listener])
+
+
+def _listening(settings: ServiceSettings) -> socket.socket:
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((settings.host, settings.port))
+    except OSError as error:
+        listener.close()
+        raise ConfigurationError(f"cannot listen at {settings.host}:{settings.port}: {error.strerror}") from error
+    return listener
+
+
+def _greet(address: str, settings: ServiceSettings, password: str | None) -> None:
+    typer.echo(f"inhalemon serves {address}/ (programs: {address}/docs), data in {settings.data_dir}")
+    if password is not None:
+        typer.echo(f"Log in as {operations.FIRST_USER} with the one-time password: {password}")
+    sys.stdout.flush()

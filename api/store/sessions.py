@@ -1,0 +1,435 @@
+"""Recorded sessions, their reports (every version is kept) and findings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from enum import StrEnum
+from typing import Any
+
+import orjson
+from sqlalchemy import Connection, Select, and_, delete, exists, func, select, tuple_, update
+
+from api.moments import SECOND_US, new_id, now_us
+from api.problems import NotFoundError
+from api.store.engine import insert_new, streamed
+from api.store.tables import clinics, erasures, findings, reports, sessions
+
+_MERIT = {
+    "critical_mistakes": 0,
+    "major_mistakes": 1,
+    "not_assessable": 2,
+    "minor_mistakes": 3,
+    "correct": 4,
+}
+_UNKNOWN_MERIT = 5
+
+
+class State(StrEnum):
+    UNSCORED = "unscored"  # the bytes are kept, scoring is due
+    SCORED = "scored"
+    UNUSABLE = "unusable"  # the reader refused it when it was scored later
+
+
+class Order(StrEnum):
+    NEWEST = "-recorded"
+    OLDEST = "recorded"
+    LAST_UPLOADED = "-uploaded"
+    FIRST_UPLOADED = "uploaded"
+    WORST = "worst"
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    id: str
+    clinic_id: str
+    clinic: str  # slug
+    sha256: str
+    n_bytes: int
+    suffix: str
+    session_ref: str | None
+    device: str | None
+    patient_ref: str | None
+    sidecar: bytes | None
+    recorded_at_us: int | None
+    happened_at_us: int
+    uploaded_at_us: int
+    uploaded_by: str
+    state: str
+    attempts: int
+    next_try_us: int | None
+    failure: bytes | None
+    report_id: str | None
+    duration_s: float | None
+    grade: str | None
+    merit: int
+    points: int | None
+    n_reviews: int
+    reviewed_at_us: int | None
+    signed_off_us: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class StoredReport:
+    id: str
+    session_id: str
+    version: int
+    created_at_us: int
+    pipeline_version: str
+    settings_digest: str
+    rules_digest: str
+    grade: str
+    points: int
+    body: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Filter:
+    """What a list is narrowed to; `None` narrows nothing."""
+
+    patient_ref: str | None = None
+    device: str | None = None
+    grade: str | None = None
+    state: str | None = None
+    rule: str | None = None
+    verdict: str | None = None
+    reviewed: bool | None = None
+    since_us: int | None = None
+    until_us: int | None = None
+
+
+_SESSION_NAMES = [each.name for each in fields(Session) if each.name != "clinic"]
+_SESSIONS: Select[Any] = select(
+    *(sessions.c[name] for name in _SESSION_NAMES), clinics.c.slug.label("clinic")
+).join_from(sessions, clinics)
+
+
+def sessions_where(*conditions: Any) -> Select[Any]:  # SQLAlchemy's conditions have no one type
+    """The statement that selects sessions, for the modules beside this one."""
+    return _SESSIONS.where(*conditions)
+
+
+# ------------------------------------------------------------------------------------------ storing and finding
+
+
+def add(
+    connection: Connection,
+    clinic_id: str,
+    *,
+    session_id: str,
+    sha256: str,
+    n_bytes: int,
+    suffix: str,
+    session_ref: str | None,
+    device: str | None,
+    patient_ref: str | None,
+    sidecar: bytes | None,
+    recorded_at_us: int | None,
+    uploaded_by: str,
+    first_try_s: float,
+) -> tuple[Session, bool]:
+    """The stored session, and whether it is new: the same bytes at the same clinic are the same session.
+
+    The request that brought it scores it; the background tries `first_try_s` later, in case that came to nothing.
+    """
+    now = now_us()
+    is_new = insert_new(
+        connection,
+        sessions,
+        {
+            "id": session_id,
+            "clinic_id": clinic_id,
+            "sha256": sha256,
+            "n_bytes": n_bytes,
+            "suffix": suffix,
+            "session_ref": session_ref,
+            "device": device,
+            "patient_ref": patient_ref,
+            "sidecar": sidecar,
+            "recorded_at_us": recorded_at_us,
+            "happened_at_us": now if recorded_at_us is None else recorded_at_us,
+            "uploaded_at_us": now,
+            "uploaded_by": uploaded_by,
+            "state": State.UNSCORED,
+            "attempts": 0,
+            "next_try_us": now + round(first_try_s * SECOND_US),
+            "merit": _UNKNOWN_MERIT,
+            "n_reviews": 0,
+        },
+    )
+    condition = and_(sessions.c.clinic_id == clinic_id, sessions.c.sha256 == sha256)
+    return Session(**connection.execute(_SESSIONS.where(condition)).mappings().one()), is_new
+
+
+def find(connection: Connection, clinic_ids: Sequence[str], session_id: str, *, lock: bool = False) -> Session:
+    """One session of these clinics; `lock` holds it until the transaction ends. Raises `NotFoundError`."""
+    statement = _SESSIONS.where(sessions.c.id == session_id, sessions.c.clinic_id.in_(clinic_ids))
+    if lock:
+        statement = statement.with_for_update(of=sessions)
+    row = connection.execute(statement).mappings().one_or_none()
+    if row is None:
+        raise NotFoundError("There is no such session here.")
+    return Session(**row)
+
+
+def _conditions(clinic_ids: Sequence[str], given: Filter) -> list[Any]:
+    own = sessions.c.clinic_id == clinic_ids[0] if len(clinic_ids) == 1 else sessions.c.clinic_id.in_(clinic_ids)
+    conditions: list[Any] = [own]
+    for column, value in (
+        (sessions.c.patient_ref, given.patient_ref),
+        (sessions.c.device, given.device),
+        (sessions.c.grade, given.grade),
+        (sessions.c.state, given.state),
+    ):
+        if value is not None:
+            conditions.append(column == value)
+    if given.rule is not None or given.verdict is not None:
+        wanted = [findings.c.session_id == sessions.c.id]
+        if given.rule is not None:
+            wanted.append(findings.c.rule == given.rule)
+        if given.verdict is not None:
+            wanted.append(findings.c.verdict == given.verdict)
+        conditions.append(exists().where(*wanted))
+    if given.reviewed is not None:
+        conditions.append(
+            sessions.c.signed_off_us.is_not(None) if given.reviewed else sessions.c.signed_off_us.is_(None)
+        )
+    if given.since_us is not None:
+        conditions.append(sessions.c.happened_at_us >= given.since_us)
+    if given.until_us is not None:
+        conditions.append(sessions.c.happened_at_us < given.until_us)
+    return conditions
+
+
+_KEYS = {
+    Order.NEWEST: (sessions.c.happened_at_us, sessions.c.id),
+    Order.OLDEST: (sessions.c.happened_at_us, sessions.c.id),
+    Order.LAST_UPLOADED: (sessions.c.uploaded_at_us, sessions.c.id),
+    Order.FIRST_UPLOADED: (sessions.c.uploaded_at_us, sessions.c.id),
+    Order.WORST: (sessions.c.merit, sessions.c.happened_at_us, sessions.c.id),
+}
+
+
+def page(
+    connection: Connection,
+    clinic_ids: Sequence[str],
+    given: Filter,
+    order: Order,
+    after: Sequence[int | str] | None,
+    limit: int,
+) -> list[Session]:
+    """Up to `limit` sessions in the order asked for, behind the position `after` (see `position`)."""
+    key = _KEYS[order]
+    is_falling = order.startswith("-")
+    statement = _SESSIONS.where(*_conditions(clinic_ids, given))
+    if after is not None:
+        statement = statement.where(tuple_(*key) < tuple(after) if is_falling else tuple_(*key) > tuple(after))
+    statement = statement.order_by(*(column.desc() if is_falling else column.asc() for column in key)).limit(limit)
+    return [Session(**row) for row in connection.execute(statement).mappings()]
+
+
+def position(session: Session, order: Order) -> tuple[int | str, ...]:
+    """Where a session stands in an order: what a cursor holds."""
+    return tuple(getattr(session, column.name) for column in _KEYS[order])
+
+
+def stream(connection: Connection, clinic_ids: Sequence[str], given: Filter) -> Iterator[tuple[Session, bytes | None]]:
+    """All sessions with their newest report, oldest first."""
+    statement = (
+        _SESSIONS.add_columns(reports.c.body)
+        .outerjoin(reports, reports.c.id == sessions.c.report_id)
+        .where(*_conditions(clinic_ids, given))
+        .order_by(sessions.c.happened_at_us, sessions.c.id)
+    )
+    for row in streamed(connection, statement):
+        values = dict(row)
+        body = values.pop("body")
+        yield Session(**values), body
+
+
+def mistakes_of(connection: Connection, session_ids: Sequence[str]) -> dict[str, list[str]]:
+    """The failed rules of each session's newest report."""
+    statement = select(findings.c.session_id, findings.c.rule).where(
+        findings.c.session_id.in_(session_ids), findings.c.verdict == "fail"
+    )
+    found: dict[str, list[str]] = {session_id: [] for session_id in session_ids}
+    for row in connection.execute(statement.order_by(findings.c.rule)):
+        found[row.session_id].append(row.rule)
+    return found
+
+
+def verdicts_of(connection: Connection, session_ids: Sequence[str]) -> dict[str, dict[str, str]]:
+    """Rule to verdict of each session's newest report."""
+    found: dict[str, dict[str, str]] = {session_id: {} for session_id in session_ids}
+    statement = select(findings.c.session_id, findings.c.rule, findings.c.verdict)
+    for row in connection.execute(statement.where(findings.c.session_id.in_(session_ids)).order_by(findings.c.rule)):
+        found[row.session_id][row.rule] = row.verdict
+    return found
+
+
+def count_by_state(connection: Connection) -> dict[str, int]:
+    rows = connection.execute(select(sessions.c.state, func.count()).group_by(sessions.c.state))
+    return {row[0]: row[1] for row in rows}
+
+
+# ------------------------------------------------------------------------------------------ scoring
+
+
+def keep_report(
+    connection: Connection,
+    session: Session,
+    body: bytes,
+    *,
+    device: str,
+    session_ref: str | None,
+    patient_ref: str | None,
+    recorded_at_us: int | None,
+) -> StoredReport:
+    """Keep a report as the session's newest; one equal to the newest is not kept twice."""
+    told = orjson.loads(body)
+    newest = report(connection, session.id)
+    if newest is not None and newest.body == body:
+        kept = newest
+    else:
+        kept = StoredReport(
+            id=new_id(),
+            session_id=session.id,
+            version=1 if newest is None else newest.version + 1,
+            created_at_us=now_us(),
+            pipeline_version=told["pipeline_version"],
+            settings_digest=told["settings_digest"],
+            rules_digest=told["rules_digest"],
+            grade=told["score"]["grade"],
+            points=told["score"]["points"],
+            body=body,
+        )
+        connection.execute(reports.insert().values({each.name: getattr(kept, each.name) for each in fields(kept)}))
+        connection.execute(delete(findings).where(findings.c.session_id == session.id))
+        rows = [
+            {
+                "session_id": session.id,
+                "rule": finding["rule"],
+                "verdict": finding["verdict"],
+                "severity": finding["severity"],
+                "clinic_id": session.clinic_id,
+            }
+            for finding in told["findings"]
+        ]
+        if rows:
+            connection.execute(findings.insert(), rows)
+    recorded = session.recorded_at_us if recorded_at_us is None else recorded_at_us
+    connection.execute(
+        update(sessions)
+        .where(sessions.c.id == session.id)
+        .values(
+            state=State.SCORED,
+            attempts=0,
+            next_try_us=None,
+            failure=None,
+            report_id=kept.id,
+            device=device,
+            session_ref=session.session_ref or session_ref,
+            patient_ref=session.patient_ref or patient_ref,
+            recorded_at_us=recorded,
+            happened_at_us=session.uploaded_at_us if recorded is None else recorded,
+            duration_s=told["duration_s"],
+            grade=kept.grade,
+            merit=_MERIT.get(kept.grade, _UNKNOWN_MERIT),
+            points=kept.points,
+        )
+    )
+    return kept
+
+
+def note_failure(
+    connection: Connection, session_id: str, failure: dict[str, object], *, next_try_us: int | None, is_final: bool
+) -> None:
+    """Remember why scoring failed; a session that was scored before keeps its report and state."""
+    values: dict[str, Any] = {
+        "attempts": sessions.c.attempts + 1,
+        "next_try_us": next_try_us,
+        "failure": orjson.dumps(failure),
+    }
+    statement = update(sessions).where(sessions.c.id == session_id, sessions.c.state != State.SCORED)
+    connection.execute(statement.values(values | ({"state": State.UNUSABLE} if is_final else {})))
+
+
+def due(connection: Connection, limit: int) -> list[Session]:
+    """Unscored sessions whose next try has come, the longest waiting first."""
+    statement = _SESSIONS.where(sessions.c.state == State.UNSCORED, sessions.c.next_try_us <= now_us())
+    rows = connection.execute(statement.order_by(sessions.c.next_try_us).limit(limit)).mappings()
+    return [Session(**row) for row in rows]
+
+
+def put_off(connection: Connection, session_id: str, seconds: float) -> None:
+    """Let nobody else try this session for a while."""
+    statement = update(sessions).where(sessions.c.id == session_id, sessions.c.state == State.UNSCORED)
+    connection.execute(statement.values(next_try_us=now_us() + round(seconds * SECOND_US)))
+
+
+def all_due(connection: Connection) -> int:
+    """Make every unscored session due now, after a start; returns how many there are."""
+    statement = update(sessions).where(sessions.c.state == State.UNSCORED)
+    return connection.execute(statement.values(next_try_us=now_us(), attempts=0)).rowcount
+
+
+def report(connection: Connection, session_id: str, version: int | None = None) -> StoredReport | None:
+    """One version of a session's report, or the newest."""
+    statement = select(reports).where(reports.c.session_id == session_id)
+    if version is not None:
+        statement = statement.where(reports.c.version == version)
+    row = connection.execute(statement.order_by(reports.c.version.desc()).limit(1)).mappings().one_or_none()
+    return None if row is None else StoredReport(**row)
+
+
+def report_versions(connection: Connection, session_id: str) -> list[StoredReport]:
+    statement = select(reports).where(reports.c.session_id == session_id).order_by(reports.c.version)
+    return [StoredReport(**row) for row in connection.execute(statement).mappings()]
+
+
+# ------------------------------------------------------------------------------------------ correcting, erasing
+
+
+def set_patient(connection: Connection, session_id: str, patient_ref: str | None, sidecar: bytes | None) -> None:
+    connection.execute(
+        update(sessions).where(sessions.c.id == session_id).values(patient_ref=patient_ref, sidecar=sidecar)
+    )
+
+
+def erase(connection: Connection, session: Session) -> None:
+    """Erase a session with all that hangs on it, and note that its files are to go as well."""
+    connection.execute(delete(sessions).where(sessions.c.id == session.id))
+    insert_new(
+        connection,
+        erasures,
+        {"clinic_id": session.clinic_id, "sha256": session.sha256, "session_id": session.id, "at_us": now_us()},
+    )
+
+
+def erasures_due(connection: Connection) -> list[tuple[str, str, str]]:
+    """(clinic, SHA-256, session) of erased sessions whose files may still be there."""
+    return [(row.clinic_id, row.sha256, row.session_id) for row in connection.execute(select(erasures))]
+
+
+def is_kept(connection: Connection, clinic_id: str, sha256: str) -> bool:
+    """Whether a session of the clinic has these bytes."""
+    found = select(sessions.c.id).where(sessions.c.clinic_id == clinic_id, sessions.c.sha256 == sha256)
+    return connection.execute(found).first() is not None
+
+
+def erased(connection: Connection, clinic_id: str, sha256: str) -> None:
+    """The files of an erased session are gone."""
+    connection.execute(delete(erasures).where(erasures.c.clinic_id == clinic_id, erasures.c.sha256 == sha256))
+
+
+def older_than(connection: Connection, happened_before_us: int, limit: int) -> list[Session]:
+    statement = _SESSIONS.where(sessions.c.happened_at_us < happened_before_us)
+    rows = connection.execute(statement.order_by(sessions.c.happened_at_us).limit(limit)).mappings()
+    return [Session(**row) for row in rows]
+
+
+def contents(connection: Connection) -> Iterator[tuple[str, str]]:
+    """(clinic, SHA-256) of every session: which raw files must be there."""
+    statement = select(sessions.c.clinic_id, sessions.c.sha256)
+    for row in streamed(connection, statement):
+        yield row["clinic_id"], row["sha256"]

@@ -1,0 +1,149 @@
+"""Recordings come in: stored first, then scored, each once."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import json
+
+import pytest
+
+CSV = {"content-type": "text/csv"}
+
+
+def send(clinic, content, *, role="clinician", headers=None, **params):
+    return clinic.client(role).post(
+        "/v1/sessions", content=content, params={"device": "pmdi", **params}, headers={**CSV, **(headers or {})}
+    )
+
+
+def test_an_upload_is_answered_with_place_and_report(clinic, recording):
+    answer = send(clinic, recording(seed=1), patient_ref="P-0042", recorded_at="2026-11-20T08:30:00+09:00")
+    assert answer.status_code == 201, answer.text
+    told = answer.json()
+    assert answer.headers["location"] == f"/v1/sessions/{told['id']}"
+    assert told["state"] == "scored"
+    assert told["patient_ref"] == "P-0042"
+    assert told["recorded_at"].startswith("2026-11-19T23:30:00")
+    assert told["report"]["format"] == "inhalemon-report/1"
+    assert told["report"]["device"] == "pmdi"
+    assert clinic.client("clinician").get(answer.headers["location"]).json()["report"] == told["report"]
+
+
+def test_the_same_bytes_again_are_the_same_session_and_scored_once(clinic, other_clinic, recording):
+    first, again = (send(clinic, recording(seed=2)) for _ in range(2))
+    assert (first.status_code, again.status_code) == (201, 200)
+    assert again.json()["id"] == first.json()["id"]
+    assert again.json()["report"] == first.json()["report"]
+    versions = clinic.client("clinician").get(f"{first.headers['location']}/reports").json()
+    assert [each["version"] for each in versions] == [1]
+    elsewhere = send(other_clinic, recording(seed=2))
+    assert elsewhere.status_code == 201, "another clinic's bytes are its own"
+    assert elsewhere.json()["id"] != first.json()["id"]
+
+
+def test_a_form_brings_recording_and_metadata(clinic, recording):
+    metadata = {"device": "ellipta", "session_id": "morning", "patient_ref": "P-7"}
+    answer = clinic.client("uploader").post(
+        "/v1/sessions",
+        files={
+            "recording": ("x.csv", recording("ellipta", seed=3), "text/csv"),
+            "metadata": (None, json.dumps(metadata), "application/json"),
+        },
+    )
+    assert answer.status_code == 201, answer.text
+    assert answer.json()["session_id"] == "morning"
+    assert answer.json()["report"]["session_id"] == "morning"
+    assert answer.json()["device"] == "ellipta"
+
+
+def test_several_files_are_answered_item_by_item(clinic, recording):
+    files = [
+        ("recording", ("a.csv", recording(seed=4), "text/csv")),
+        ("recording", ("b.csv", b"sensor,time_s\nbody,0\n", "text/csv")),
+        ("recording", ("c.csv.gz", gzip.compress(recording(seed=5)), "application/gzip")),
+    ]
+    answer = clinic.client("clinician").post("/v1/sessions", files=files, params={"device": "pmdi"})
+    assert answer.status_code == 207, answer.text
+    items = answer.json()["items"]
+    assert [(each["file"], each["status"]) for each in items] == [("a.csv", 201), ("b.csv", 422), ("c.csv.gz", 201)]
+    assert items[1]["problem"]["line"] == 1
+    assert len(clinic.client("clinician").get("/v1/sessions").json()["items"]) == 2
+
+
+def test_an_unusable_recording_is_refused_with_line_and_column_and_not_kept(clinic, recording):
+    lines = recording(seed=6).decode().splitlines()
+    cells = lines[100].split(",")
+    cells[5] = "nan"
+    lines[100] = ",".join(cells)
+    answer = send(clinic, "\n".join(lines).encode(), file_name="taken.csv")
+    assert answer.status_code == 422
+    assert answer.headers["content-type"] == "application/problem+json"
+    told = answer.json()
+    assert (told["line"], told["column"]) == (101, lines[0].split(",")[5])
+    assert clinic.client("clinician").get("/v1/sessions").json()["items"] == []
+    assert list((clinic.server.settings.data_dir / "raw" / clinic.id).rglob("*.zst")) == []
+
+
+def test_the_bytes_come_back_as_they_went(clinic, recording):
+    content = gzip.compress(recording(seed=7))
+    place = send(clinic, content, headers={"content-type": "application/gzip"}).headers["location"]
+    answer = clinic.client("clinician").get(f"{place}/recording")
+    assert answer.content == content
+    digest = base64.b64encode(hashlib.sha256(content).digest()).decode()
+    assert answer.headers["repr-digest"] == f"sha-256=:{digest}:"
+
+
+@pytest.mark.parametrize(("is_right", "status"), [(True, 201), (False, 400)])
+def test_bytes_that_differ_from_their_digest_are_refused(clinic, recording, is_right, status):
+    content = recording(seed=8)
+    digest = hashlib.sha256(content if is_right else b"other").digest()
+    answer = send(clinic, content, headers={"repr-digest": f"sha-256=:{base64.b64encode(digest).decode()}:"})
+    assert answer.status_code == status
+
+
+def test_a_key_for_once_repeats_the_first_answer(clinic, recording):
+    headers = {"idempotency-key": "upload-1"}
+    first, again = (send(clinic, recording(seed=9), headers=headers) for _ in range(2))
+    assert (first.status_code, again.status_code) == (201, 201)
+    assert again.json() == first.json()
+    other = send(clinic, recording(seed=10), headers=headers)
+    assert (other.status_code, other.json()["code"]) == (422, "idempotency_key_reused")
+
+
+@pytest.mark.parametrize(
+    ("headers", "content", "status"),
+    [
+        ({"content-type": "image/png"}, b"x", 415),
+        ({"content-type": "application/json"}, b"{}", 415),
+        ({"content-type": "text/csv", "content-encoding": "br"}, b"x", 415),
+        ({"content-type": "text/csv"}, b"", 422),
+        ({"content-type": "multipart/form-data"}, b"x", 400),
+        ({"content-type": "multipart/form-data; boundary=x"}, b"--x\r\n", 400),
+        ({"content-type": "multipart/form-data; boundary=x"}, b"--x--\r\n", 422),
+    ],
+)
+def test_what_is_no_recording_is_refused(clinic, headers, content, status):
+    answer = clinic.client("clinician").post(
+        "/v1/sessions", content=content, headers=headers, params={"device": "pmdi"}
+    )
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+
+
+@pytest.mark.parametrize(
+    "ref", ["John Smith", "smith-john", "Tanaka", "山田太郎", "1980-05-12", "P-19800512", "12.05.1980"]
+)
+def test_a_patient_ref_that_tells_who_it_is_is_refused(clinic, recording, ref):
+    answer = send(clinic, recording(seed=11), patient_ref=ref)
+    assert answer.status_code == 422
+    assert answer.json()["code"] == "patient_ref_not_pseudonymous"
+    assert ref not in answer.text
+
+
+@pytest.mark.parametrize("ref", ["P-0042", "patient-7", "demo", "8f14e45f-ceea-467f-a8ad-0242ac120002", "AB12", "0815"])
+def test_a_pseudonym_is_accepted(ref):
+    from api.pseudonym import checked  # noqa: PLC0415
+
+    assert checked(ref, allow_names=False) == ref
