@@ -222,7 +222,7 @@ class PhaseSettings:
     still_speed: float = 0.7  # clear movements a second: 7 deg/s, 3.5 cm/s
     min_hold_s: float = 0.15
     max_disturbance_s: float = 0.8  # a press shakes the hand for less
-    same_place: float = 0.8  # of a clear movement
+    same_place: float = 0.4  # of a clear movement
     clear_turn_rad: float = math.radians(10.0)
     clear_move_m: float = 0.05
     # Lying on a table: below a hand's tremor, above the sensors' noise.
@@ -236,7 +236,8 @@ class PhaseSettings:
     max_tilt_back_s: float = 2.0
     min_stay_s: float = 0.3
     mouth_way_m: float = 0.12  # the way to the mouth is longer, for a child too
-    leaving_s: float = 3.0
+    lowered_m: float = 0.03
+    leaving_s: float = 8.0  # a breath may be held with the device at the mouth
     pause_speed: float = 0.3  # clear movements a second
     min_likeness: float = 0.55
     min_untilted_stay_s: float = 0.6

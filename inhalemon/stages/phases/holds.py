@@ -162,18 +162,16 @@ def find_stays(
         is_tilted = gain_rad >= settings.min_tilt_back_rad
         carried_in = _farthest(path, slice(barrier, low + 1), hold)
         carried_out = _farthest(path, slice(hold.end, hold.end + round(settings.leaving_s * rate)), hold)
-        there = min(carried_in / settings.mouth_way_m, 1.0) * 2.0 - 1.0
+        earlier_m = float(np.median(path.height_m[barrier : low + 1]))
+        is_lowered = hold.height_m < earlier_m - settings.lowered_m
+        there = -1.0 if is_lowered else min(carried_in / settings.mouth_way_m, 1.0) * 2.0 - 1.0
         back = min(carried_out / settings.mouth_way_m, 1.0) * 2.0 - 1.0
         if is_tilted:
             begin_s, end_s = motion.time_s[low], motion.time_s[hold.end - 1]
             is_pressed = any(begin_s - 1.0 < press.start_s < end_s for press in presses)
             gain = min(gain_rad / settings.usual_tilt_back_rad, 1.0)
             likeness = max(gain + there + back + is_pressed, 0.0) / 4.0
-        elif (
-            min(there, back) > 0.5
-            and lasts_s >= settings.min_untilted_stay_s
-            and hold.height_m > path.height_m[barrier]
-        ):
+        elif min(there, back) > 0.5 and lasts_s >= settings.min_untilted_stay_s:
             likeness = 0.4 * (there + back)
         else:
             continue
@@ -203,7 +201,7 @@ def _prepared(motion: Motion, holds: Sequence[Hold], k: int, strokes: Sequence[t
 def _farthest(path: Path, stretch: slice, hold: Hold) -> float:
     """How far from the hold's place the device was within a stretch, m; the odd sample does not count."""
     away = path.place_m[stretch] - np.median(path.place_m[hold.start : hold.end], axis=0)
-    return float(np.percentile(np.linalg.norm(away, axis=1), 90)) if away.size else 0.0
+    return float(np.percentile(np.linalg.norm(away, axis=1), 80)) if away.size else 0.0
 
 
 def _rise(signal: FloatArray, before: int, hold: Hold) -> tuple[float, int, FloatArray]:
