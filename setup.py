@@ -1,11 +1,13 @@
-"""Builds the filters' kernels when there is a C compiler; without one the install goes on and Python runs it."""
+"""Builds the compiled kernels when there is a C compiler; without one the install goes on and Python runs them."""
+
+from pathlib import Path
 
 from setuptools import Extension, setup
 
 # No fast-math and no contraction: a compiled kernel and its Python form must agree to the bit.
 kernels = [
-    Extension(f"inhalemon.{name}", [f"inhalemon/{name}.py"], extra_compile_args=["-O3", "-ffp-contract=off"])
-    for name in ("_attitude_kernel", "_heading_kernel", "_source_kernel")
+    Extension(f"inhalemon.{Path(file).stem}", [f"inhalemon/{file}"], extra_compile_args=["-O3", "-ffp-contract=off"])
+    for file in ("_attitude_kernel.py", "_heading_kernel.py", "_source_kernel.py", "_csv_kernel.pyx")
 ]
 
 

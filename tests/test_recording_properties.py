@@ -14,6 +14,8 @@ from odd_recordings import GOOD, NAMES, ODD_FILES, cell, rows, text
 
 import inhalemon as im
 from inhalemon.exceptions import RecordingError
+from inhalemon.recording import csv_table
+from inhalemon.recording.layout import columns_from_names
 from inhalemon.values import DeviceKind, FloatArray, ImuTrack, Recording, SensorInfo, SensorName
 
 FORMS = ("csv", "csv.gz", "csv.zst", "parquet")
@@ -114,6 +116,55 @@ def test_any_text_in_any_cell_is_read_or_refused_on_its_line(line: int, column: 
     is_plain = not set(value) & set(',"\n\r\0') and column != "time_s" and value not in tuple(SensorName)
     if refused is not None and is_plain:
         assert (refused.line, refused.column) == (line, column)
+
+
+def _outcome(data: bytes, name: str) -> tuple[object, ...]:
+    try:
+        recording = im.read_recording_bytes(data, name=name, device="pmdi")
+    except RecordingError as error:
+        return (str(error),)
+    tracks = (recording.body, recording.lever)
+    return tuple(part.tobytes() for track in tracks for part in (track.time_s, track.acc_m_s2, track.gyr_rad_s))
+
+
+@pytest.mark.skipif(not csv_table.IS_COMPILED, reason="installed without a C compiler: there is one form alone")
+def test_with_and_without_the_compiled_kernel_every_odd_file_comes_to_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """To the bit and to the letter."""
+    small = [odd for odd in ODD_FILES if len(odd.data) < 100_000]
+    compiled = [_outcome(odd.data, odd.name) for odd in small]
+    monkeypatch.setattr(csv_table, "IS_COMPILED", False)
+    assert [_outcome(odd.data, odd.name) for odd in small] == compiled
+
+
+@pytest.mark.skipif(not csv_table.IS_COMPILED, reason="installed without a C compiler: there is one form alone")
+@settings(max_examples=300, deadline=None)
+@given(st.data())
+def test_what_the_compiled_kernel_takes_the_other_form_takes_alike(data: st.DataObject) -> None:
+    order = data.draw(st.permutations(range(8)))
+    columns = columns_from_names(tuple(NAMES[i] for i in order), file="a.csv")
+    number = st.one_of(
+        st.floats(-1e20, 1e20).map(repr),
+        st.floats(-9000, 9000).map("{:.6f}".format),
+        st.integers(-(2**70), 2**70).map(str),
+        st.from_regex(r"-?[0-9]{1,20}(\.[0-9]{1,25})?([eE][+-]?[0-9]{1,4})?", fullmatch=True),
+        st.text("0123456789.-+eE", max_size=8),
+    )
+    lines = []
+    for _ in range(data.draw(st.integers(1, 4))):
+        row = [data.draw(st.sampled_from(["body", "lever", "lever", "bod"])), *(data.draw(number) for _ in range(7))]
+        lines.append(",".join(row[i] for i in order))
+    block = bytearray("\n".join(lines).encode())
+    if data.draw(st.booleans()):
+        at = data.draw(st.integers(0, len(block) - 1))
+        block[at : at + data.draw(st.integers(0, 3))] = data.draw(st.binary(max_size=3))
+    compiled = csv_table._compiled_rows(bytes(block), columns)
+    if compiled is not None:
+        plain = csv_table._plain_rows(bytes(block), columns)
+        assert plain is not None
+        np.testing.assert_array_equal(compiled[0], plain[0])
+        np.testing.assert_array_equal(compiled[1], plain[1])
 
 
 @settings(max_examples=60, deadline=None)
