@@ -33,7 +33,7 @@ class Sample:
 SAMPLES: Final = (
     Sample("pmdi_correct.csv", (), seed=1, subject=0, rate_hz=50.0),
     Sample("pmdi_two_doses_correct.csv.gz", (), seed=2, subject=8, n_doses=2),
-    Sample("pmdi_press_late.csv.gz", ("press_late",), seed=3, subject=3),
+    Sample("pmdi_press_late.csv.gz", ("press_late",), seed=13, subject=3),
     Sample("pmdi_not_shaken_no_exhale.csv.zst", ("not_shaken", "no_exhale_pause"), seed=4, subject=16, rate_hz=200.0),
     Sample("pmdi_tilted_short_hold.csv.gz", ("not_upright_at_press", "breath_hold_too_short"), seed=5, subject=12),
     Sample("pmdi_pressed_twice_trembling.csv.gz", ("multiple_presses",), seed=6, subject=4, profile="harsh"),

@@ -75,7 +75,7 @@ def _person(attack: str, rng: np.random.Generator) -> Person:
         tilt_rad=float(rng.uniform(11.0, 27.0)) * _DEG,
         tilt_s=float(rng.uniform(0.9, 1.4) if is_slow else rng.uniform(0.5, 1.1)),
         shake_hz=float(rng.uniform(2.2, 3.2) if is_slow else rng.uniform(2.6, 5.2)),
-        shake_m_s2=float(rng.uniform(1.0, 1.6) if is_slow or is_child else rng.uniform(1.0, 3.2)) * GRAVITY_M_S2,
+        shake_m_s2=float(rng.uniform(1.2, 1.7) if is_slow or is_child else rng.uniform(1.2, 3.2)) * GRAVITY_M_S2,
         travel_rad=float(rng.uniform(8.0, 20.0)) * _DEG,
         press_s=float(rng.uniform(0.4, 0.7) if is_slow else rng.uniform(0.12, 0.35)),
         cover_rad=float(rng.uniform(92.5, 98.0)) * _DEG,
@@ -216,7 +216,6 @@ class Actor:
         event = Event(kind, start_s, stop_s, end_s, float(np.rad2deg(max(to_rad, before))))
         self.events.append(event)
         self.begin(PhaseKind.HANDLING)
-        self.go(None, self._held(0.0, 0.0), 0.5)
         return event
 
     # --------------------------------------------------------------------------------------------------- the steps
@@ -275,7 +274,7 @@ class Actor:
         tilt = rng.normal(0.0, 0.25, 3)
         along = np.array([0.0, 0.0, 1.0]) + tilt if rng.random() < 0.7 else np.array([0.8, 0.5, 0.35]) + tilt
         largest = max(np.abs(heights))
-        twist = rng.normal(0.0, 1.0, 3) * self.draw(2.0, 12.0) * _DEG / largest
+        twist = np.clip(rng.normal(0.0, 1.0, 3), -1.2, 1.2) * self.draw(2.0, 8.0) * _DEG / largest
         reel.stroke(np.array(times), np.array(heights), along / np.linalg.norm(along), twist)
         if self.attack == "rattling_cap":
             for stroke_s in times[1:-1]:
@@ -283,9 +282,14 @@ class Actor:
         reel.now_s = times[-1]
         self.shakes.append((start_s, reel.now_s))
         self.begin(PhaseKind.HANDLING)
-        self.go(None, self._held(0.0, 0.0), self.draw(0.35, 0.6))
 
     def exhale(self, notes: DoseNotes, duration_s: float) -> None:
+        """Lowers the hand a little, so that the stillness after it has a beginning, and is still."""
+        away = self.rng.normal(0.0, 1.0, 3)
+        away *= self.draw(0.06, 0.1) / np.linalg.norm(away)
+        twist = np.array([0.0, 0.0, float(self.rng.choice([-1, 1])) * self.draw(12.0, 20.0) * _DEG])
+        to_q = multiply(self._held(0.0, 0.0), from_rotation_vector(twist))
+        self.go(self.reel.position_m + away, to_q, self.draw(0.4, 0.6))
         self.begin(PhaseKind.EXHALE)
         notes.pause_start_s = self.reel.now_s
         self.wait(duration_s)
@@ -369,10 +373,9 @@ class Actor:
 def _tilted(actor: Actor) -> tuple[float, float]:
     """Pitch and roll at the mouth, on top of how the inhaler is held."""
     if actor.has("not_upright_at_press") or actor.has("tilted_at_inhalation"):
-        if actor.rng.random() < 0.6:
+        if actor.rng.random() < 0.5 or actor.person.tilt_rad > 22 * _DEG:
             return 0.0, actor.person.side * actor.draw(60.0, 68.0) * _DEG - actor.person.hold_roll_rad
-        share = 0.25 if actor.device is DeviceKind.PMDI and not actor.has("press_late") else 0.6  # of the tilt to come
-        return 62 * _DEG - actor.person.hold_pitch_rad - share * actor.person.tilt_rad, 0.0
+        return 66 * _DEG - actor.person.hold_pitch_rad - 0.5 * actor.person.tilt_rad, 0.0
     if actor.has("inverted_at_press"):
         return 0.0, actor.person.side * actor.draw(150.0, 175.0) * _DEG - actor.person.hold_roll_rad
     return 0.0, 0.0
@@ -383,12 +386,10 @@ def _pmdi_dose(a: Actor) -> DoseNotes:
     if a.has("order_wrong"):
         a.begin(PhaseKind.EXHALE)
         a.wait(a.draw(2.2, 3.5))
-        if not a.has("no_exhale_pause"):
-            a.to_mouth(dwell_s=a.draw(0.8, 1.6))
-            a.begin(PhaseKind.HANDLING)
-            a.go(a._place(0.08, 0.28, 1.05), a._held(0.0, 0.0), a.draw(0.7, 1.0))
-        notes.n_order_violations = 1
+        a.to_mouth(dwell_s=a.draw(0.8, 1.6))
         a.begin(PhaseKind.HANDLING)
+        a.go(a._place(0.08, 0.28, 1.05), a._held(0.0, 0.0), a.draw(0.7, 1.0))
+        notes.n_order_violations = 1
     if a.has("not_shaken"):
         a.go(None, multiply(a._held(0.0, 0.0), from_rotation_vector(a.rng.normal(0.0, 12.0, 3) * _DEG)), 0.6)
         a.go(None, a._held(0.0, 0.0), 0.5)

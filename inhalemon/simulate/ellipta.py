@@ -17,6 +17,7 @@ from inhalemon.simulate.steps import (
     inhale,
     pause,
     put_down,
+    settle,
     take_up,
     upright,
 )
@@ -39,8 +40,13 @@ def act_ellipta(p: Performance, manner: Manner, mistakes: frozenset[str], n_dose
             p.fumble(float(rng.uniform(1.5, 3.0)), reach_m=0.03, turn_rad=8 * _DEG)
             p.move(0.5, upright(p))
         notes = _dose(p, manner, mistakes)
-        if p.turn_of(LEVER) > 0 and ("cover_not_closed" not in mistakes or i < n_doses - 1):
+        stays_open = "cover_not_closed" in mistakes and i == n_doses - 1
+        if p.turn_of(LEVER) > 0 and not stays_open:
             _close(p)
+        elif stays_open and rng.random() < 0.3:  # shut half-way only
+            p.begin(PhaseKind.CLOSE)
+            half_rad = p.subject.cover_rad * float(rng.uniform(0.38, 0.44))
+            p.turn_cover(half_rad, float(rng.uniform(0.4, 0.8)) / p.subject.tempo, has_end_stop=False)
         notes.end_s = p.now_s
         doses.append(notes)
     p.begin(PhaseKind.HANDLING)
@@ -62,7 +68,6 @@ def _dose(p: Performance, manner: Manner, mistakes: frozenset[str]) -> DoseNotes
         p.wait(float(rng.uniform(0.4, 1.0)))
         _open(p, notes, mistakes)
     p.begin(PhaseKind.HANDLING)
-    p.move(float(rng.uniform(0.35, 0.6)), upright(p))
     if "inverted_after_open" in mistakes:
         _turn_over(p)
     if "shaken_after_open" in mistakes:
@@ -70,21 +75,21 @@ def _dose(p: Performance, manner: Manner, mistakes: frozenset[str]) -> DoseNotes
         strength = max(p.subject.shake_m_s2, 1.3 * 9.81)
         p.shake(float(rng.uniform(4.6, 9.0)) / p.subject.shake_hz, acc_m_s2=strength, hz=p.subject.shake_hz)
         p.begin(PhaseKind.HANDLING)
-        p.move(float(rng.uniform(0.35, 0.6)), upright(p))
     if "no_inhalation" in mistakes:
+        settle(p)
         p.wait(float(rng.uniform(2.0, 4.0)))
         return notes
     if "order_wrong" in mistakes:  # the cover is shut again before inhaling
         p.wait(float(rng.uniform(0.3, 0.8)))
         _close(p)
         p.begin(PhaseKind.HANDLING)
-        p.move(float(rng.uniform(0.35, 0.6)), upright(p))
         notes.n_order_violations = 1
     if "no_exhale_pause" in mistakes:
         notes.pause_start_s = p.now_s
         p.wait(float(rng.uniform(0.0, 0.15)))
         notes.pause_end_s = p.now_s
     else:
+        settle(p)
         pause(p, notes, float(rng.uniform(1.7, 3.6)))
     turns = {}
     if "tilted_at_inhalation" in mistakes:

@@ -65,7 +65,7 @@ _CLASHES: Final[dict[DeviceKind, tuple[tuple[str, str], ...]]] = {
             "shake_to_press_delay not_upright_at_press inverted_at_press press_early press_late multiple_presses"
             " no_exhale_pause inhalation_too_short breath_hold_too_short order_wrong",
         ),
-        ("order_wrong", "shake_to_press_delay"),
+        ("order_wrong", "shake_to_press_delay no_exhale_pause"),
     ),
     DeviceKind.ELLIPTA: (
         ("cover_not_fully_open", "opened_repeatedly"),

@@ -17,6 +17,7 @@ from inhalemon.simulate.steps import (
     inhale,
     pause,
     put_down,
+    settle,
     take_up,
     upright,
 )
@@ -50,7 +51,7 @@ def act_pmdi(p: Performance, manner: Manner, mistakes: frozenset[str], n_doses: 
 def _dose(p: Performance, manner: Manner, mistakes: frozenset[str]) -> DoseNotes:
     notes = DoseNotes(start_s=p.now_s)
     if "order_wrong" in mistakes:
-        _step_too_soon(p, notes, mistakes)
+        _to_mouth_too_soon(p, notes)
     _shake(p, mistakes)
     if "no_inhalation" in mistakes:
         _never_inhale(p, notes, mistakes)
@@ -62,16 +63,15 @@ def _dose(p: Performance, manner: Manner, mistakes: frozenset[str]) -> DoseNotes
     return notes
 
 
-def _step_too_soon(p: Performance, notes: DoseNotes, mistakes: frozenset[str]) -> None:
-    """Breathes out before shaking instead of after; or is at the mouth already when the shake is remembered."""
+def _to_mouth_too_soon(p: Performance, notes: DoseNotes) -> None:
+    """Breathes out and is at the mouth already when the shake is remembered."""
     rng = p.rng
     p.begin(PhaseKind.EXHALE)
     p.wait(float(rng.uniform(2.2, 3.2)))
-    if "no_exhale_pause" not in mistakes:
-        bring_to_mouth(p, dwell_s=float(rng.uniform(0.8, 1.5)))
-        p.begin(PhaseKind.HANDLING)
-        p.to_place(float(rng.uniform(0.8, 1.1)), HAND_M, upright(p))
-        p.wait(0.2)
+    bring_to_mouth(p, dwell_s=float(rng.uniform(0.8, 1.5)))
+    p.begin(PhaseKind.HANDLING)
+    p.to_place(float(rng.uniform(0.8, 1.1)), HAND_M, upright(p))
+    p.wait(0.2)
     notes.n_order_violations = 1
 
 
@@ -80,7 +80,6 @@ def _shake(p: Performance, mistakes: frozenset[str]) -> None:
     if "not_shaken" in mistakes:
         p.begin(PhaseKind.HANDLING)
         p.fumble(float(rng.uniform(0.8, 1.6)), reach_m=0.03, turn_rad=10 * _DEG)
-        p.move(0.5, upright(p))
         return
     p.begin(PhaseKind.SHAKE)
     if "shake_too_short" in mistakes:
@@ -89,31 +88,29 @@ def _shake(p: Performance, mistakes: frozenset[str]) -> None:
         p.shake(float(rng.uniform(3.3, 4.2)) / p.subject.shake_hz, acc_m_s2=strength, hz=p.subject.shake_hz)
     else:
         p.shake(float(rng.uniform(3.2, 6.5)))
-    p.begin(PhaseKind.HANDLING)
-    p.move(float(rng.uniform(0.35, 0.6)), upright(p))
 
 
 def _breathe_out_and_to_mouth(p: Performance, notes: DoseNotes, mistakes: frozenset[str]) -> None:
     rng = p.rng
+    p.begin(PhaseKind.HANDLING)
     if "shake_to_press_delay" in mistakes:
-        p.begin(PhaseKind.HANDLING)
-        p.wait(float(rng.uniform(5.0, 6.5)))
+        settle(p)
+        p.wait(float(rng.uniform(25.0, 28.0) if rng.random() < 0.15 else rng.uniform(5.0, 6.5)))
         p.fumble(float(rng.uniform(5.5, 7.0)), reach_m=0.03, turn_rad=10 * _DEG)
-        p.move(0.5, upright(p))
     if "no_exhale_pause" in mistakes:
         notes.pause_start_s = p.now_s
         p.wait(float(rng.uniform(0.0, 0.15)))
         notes.pause_end_s = p.now_s
     else:
+        settle(p)
         # A late press must not come too late after the shake as well.
         pause(p, notes, float(rng.uniform(1.7, 2.0 if "press_late" in mistakes else 3.2)))
     turns = {}
     if "not_upright_at_press" in mistakes:
-        if rng.random() < 0.7:
-            turns = {ROLL: p.subject.hand * float(rng.uniform(60.0, 74.0)) * _DEG, PITCH: 0.0}
-        else:
-            turns = {PITCH: float(rng.uniform(62.0, 70.0)) * _DEG - 0.5 * p.subject.tilt_back_rad}
-            turns[PITCH] = max(turns[PITCH], 58 * _DEG - 0.2 * p.subject.tilt_back_rad)
+        if rng.random() < 0.6 or p.subject.tilt_back_rad > 22 * _DEG:
+            turns = {ROLL: p.subject.hand * float(rng.uniform(60.0, 72.0)) * _DEG, PITCH: 0.0}
+        else:  # lying back: over the limit before the tilt-back, and not inverted after it
+            turns = {PITCH: 66 * _DEG - 0.5 * p.subject.tilt_back_rad}
     elif "inverted_at_press" in mistakes:
         turns = {ROLL: p.subject.hand * float(rng.uniform(140.0, 172.0)) * _DEG, PITCH: 0.0}
     bring_to_mouth(p, turns, dwell_s=float(rng.uniform(1.3, 2.3)) if "press_early" in mistakes else None)
@@ -162,6 +159,7 @@ def _never_inhale(p: Performance, notes: DoseNotes, mistakes: frozenset[str]) ->
     """Shaken and pressed into the air in front, and never brought to the mouth."""
     rng = p.rng
     p.begin(PhaseKind.HANDLING)
+    settle(p)
     p.wait(float(rng.uniform(0.8, 2.0)))
     if "no_press" not in mistakes:
         full_rad = p.subject.travel_rad * float(rng.uniform(0.98, 1.02))

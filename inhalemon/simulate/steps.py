@@ -78,6 +78,16 @@ def upright(p: Performance) -> dict[int, float]:
     }
 
 
+def settle(p: Performance) -> None:
+    """The hand comes down to where the breath is let out: far enough to be seen, so that stillness begins after it."""
+    rng, s = p.rng, p.subject
+    away = rng.normal(0.0, 1.0, 3)
+    away *= float(rng.uniform(0.06, 0.10)) / np.linalg.norm(away)
+    turn = float(rng.choice([-1.0, 1.0]) * rng.uniform(12.0, 20.0)) * _DEG
+    targets = {k: p.turn_of(k) + shift for k, shift in zip((X, Y, Z), away, strict=True)}
+    p.move(float(rng.uniform(0.4, 0.6)) / max(s.tempo, 0.9), {**targets, **upright(p), YAW: p.turn_of(YAW) + turn})
+
+
 def take_up(p: Performance, manner: Manner) -> float:
     """From the table into the hand, or awake in the hand; returns when the hand begins to move it."""
     rng = p.rng
