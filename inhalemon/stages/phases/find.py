@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -34,26 +35,57 @@ def find_phases(
     Source of the idea: Fujii et al. (2025), k-means on the waveforms of an Ellipta. The path and the refinement are
     departures from it: clusters alone do not know the order of the steps.
     """
-    settings = settings or PhaseSettings()
     if device.rule_set is DeviceKind.HINGE:
         return ()
+    evidence = gather_evidence(motion, shakes, events, device, settings or PhaseSettings())
+    return phases_of(motion, evidence, label_by_path(evidence, device), refine=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What speaks for each label: by sample (`masks`) and, as a cost, by window."""
+
+    windows: Windows
+    masks: dict[PhaseKind, FloatArray]  # (n,) each, 0 to 1
+    costs: FloatArray  # (m, labels)
+
+
+def gather_evidence(
+    motion: Motion, shakes: Sequence[Shake], events: Sequence[Event], device: Device, settings: PhaseSettings
+) -> Evidence:
+    """The clustered windows and the candidate steps, as costs of labels."""
     path = path_of(motion, settings)
-    on_table = table_mask(motion, settings)
-    holds = find_holds(motion, path, on_table, settings)
+    holds = find_holds(motion, path, table_mask(motion, settings), settings)
     presses = [event for event in events if event.kind in (EventKind.PRESS, EventKind.PARTIAL_PRESS)]
     strokes = [(shake.start_s, shake.end_s) for shake in shakes]
     strokes += [(event.start_s, event.end_s) for event in events if event.kind in (EventKind.OPEN, EventKind.CLOSE)]
     stays = find_stays(motion, path, holds, strokes, presses, settings)
     stays = _one_a_dose(stays, motion, shakes, events, device, settings)
     windows = cut_windows(motion, path, shakes, settings)
-
     masks = _masks(motion, holds, stays, shakes, events)
-    costs = _costs(masks, windows)
-    labels = cheapest_path(costs, transition_costs(device.steps))
-    # At full rate: the label of the window, moved to the nearest boundary of what the label was given for.
-    per_sample = np.repeat(labels, np.diff(windows.edges))
-    refined = _refined(per_sample, masks)
-    return _as_phases(motion, refined, costs, windows)
+    return Evidence(windows, masks, _costs(masks, windows))
+
+
+def label_by_path(evidence: Evidence, device: Device) -> IntArray:
+    """The label (m,) of each window: the cheapest path."""
+    return cheapest_path(evidence.costs, transition_costs(device.steps))
+
+
+def label_by_cluster(evidence: Evidence) -> IntArray:
+    """The label (m,) of each window by its cluster alone, the cheapest for all of the cluster: for comparison."""
+    labels = np.empty(evidence.windows.cluster.size, dtype=np.int64)
+    for k in np.unique(evidence.windows.cluster):
+        members = evidence.windows.cluster == k
+        labels[members] = int(np.argmin(evidence.costs[members].mean(axis=0)))
+    return labels
+
+
+def phases_of(motion: Motion, evidence: Evidence, labels: IntArray, *, refine: bool) -> tuple[Phase, ...]:
+    """Windows' labels as phases; refined, their boundaries are those of the candidates at full rate."""
+    per_sample = np.repeat(labels, np.diff(evidence.windows.edges))
+    if refine:
+        per_sample = _refined(per_sample, evidence.masks)
+    return _as_phases(motion, per_sample, evidence.costs, evidence.windows)
 
 
 def _one_a_dose(
