@@ -209,7 +209,11 @@ class EventSettings:
     smooth_s: float = 0.03
     min_stroke_rad: float = math.radians(1.5)  # of an uncalibrated lever: less is play or a bump
     max_press_rise_s: float = 1.5  # a slower change of the lever's angle is drift
-    min_shaken_press_rad: float = math.radians(4.0)  # while shaking, the angle itself is unsure by degrees
+    slow_rate_rad_s: float = math.radians(4.0)  # slower is drift
+    max_pause_s: float = 0.06  # within one stroke
+    min_release: float = 0.5  # of the stroke, that the lever comes back
+    max_held_s: float = 3.0  # before the recording's end, without coming back
+    turn_blur: float = 0.1  # of a turn of the whole device, that may show in the angle
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,7 +244,9 @@ class PhaseSettings:
     leaving_s: float = 8.0  # a breath may be held with the device at the mouth
     pause_speed: float = 0.3  # clear movements a second
     min_likeness: float = 0.55
-    min_untilted_stay_s: float = 0.6
+    min_untilted_stay_s: float = 0.7
+    fidget: float = 1.0  # clear movements: less does not end a held breath
+    mouth_height_m: float = 0.15  # two stays at one mouth are not farther apart
     away_m: float = 0.10  # farther from the mouth than this, the device has left it
     max_breath_s: float = 1.5
 
@@ -287,6 +293,8 @@ class MeasureSettings:
     sd_cover_angle_deg: float = 1.5
     sd_mount_rad: float = math.radians(1.5)  # of the sensor against the part, unknown to the filter
     left_mouth_m: float = 0.05
+    max_gap_s: float = 0.5  # a longer gap within a measure's stretch leaves it without a value
+    max_gap_share: float = 0.25  # of the stretch
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ import numpy as np
 
 from inhalemon.devices import Device
 from inhalemon.settings import EventSettings
-from inhalemon.signals import moving_mean, onset
+from inhalemon.signals import close_gaps, moving_mean, onset, runs
 from inhalemon.values import DeviceKind, Event, EventKind, FloatArray, Motion, Shake
 
 
@@ -29,7 +29,7 @@ def find_events(
     if device.rule_set is DeviceKind.HINGE:
         return ()
     angle = moving_mean(motion.lever_rad, max(round(settings.smooth_s * motion.rate_hz), 1))
-    strokes = _strokes(motion, angle, _least_stroke(device, settings))
+    strokes = _strokes(motion, angle, _least_stroke(device, settings), settings)
     if device.rule_set is DeviceKind.ELLIPTA:
         return tuple(_cover_event(motion, stroke) for stroke in strokes)
     return tuple(_presses(motion, strokes, shakes, device, settings))
@@ -55,18 +55,18 @@ def _least_stroke(device: Device, settings: EventSettings) -> float:
     return max(device.partial_stroke_rad, settings.min_stroke_rad)
 
 
-def _strokes(motion: Motion, angle: FloatArray, least_rad: float) -> list[_Stroke]:
+def _strokes(motion: Motion, angle: FloatArray, least_rad: float, settings: EventSettings) -> list[_Stroke]:
     turns = _turning_points(angle, least_rad)
     rate = np.gradient(angle, motion.step_s)
     strokes = []
     for low, high in itertools.pairwise(turns):
         part = rate[low : high + 1] * np.sign(angle[high] - angle[low])
-        fastest = int(np.argmax(part))
-        slow = 0.1 * part[fastest]
-        begin = low + _last_below(part[: fastest + 1], slow)
-        stop = low + fastest + _first_below(part[fastest:], slow)
-        begin = onset(angle, max(begin - round(0.1 * motion.rate_hz), low), stop)
-        strokes.append(_Stroke(begin, stop, float(angle[begin]), float(angle[stop])))
+        # Drift may lead up to a stroke, or several strokes up one after the other: each quick part is one.
+        is_quick = part > max(settings.slow_rate_rad_s, 0.1 * float(part.max()))
+        for begin, end in runs(close_gaps(is_quick, round(settings.max_pause_s * motion.rate_hz))).tolist():
+            stop = low + end - 1
+            first = onset(angle, max(low + begin - round(0.1 * motion.rate_hz), low), stop)
+            strokes.append(_Stroke(first, stop, float(angle[first]), float(angle[stop])))
     return [stroke for stroke in strokes if abs(stroke.rise_rad) >= least_rad]
 
 
@@ -94,16 +94,6 @@ def _turning_points(angle: FloatArray, least_rad: float) -> list[int]:
     return turns
 
 
-def _last_below(values: FloatArray, level: float) -> int:
-    below = np.flatnonzero(values <= level)
-    return int(below[-1]) if below.size else 0
-
-
-def _first_below(values: FloatArray, level: float) -> int:
-    below = np.flatnonzero(values <= level)
-    return int(below[0]) if below.size else values.size - 1
-
-
 def _cover_event(motion: Motion, stroke: _Stroke) -> Event:
     kind = EventKind.OPEN if stroke.rise_rad > 0 else EventKind.CLOSE
     largest = float(np.max(motion.lever_rad[stroke.begin : stroke.stop + 1]))
@@ -119,19 +109,29 @@ def _cover_event(motion: Motion, stroke: _Stroke) -> Event:
 def _presses(
     motion: Motion, strokes: Sequence[_Stroke], shakes: Sequence[Shake], device: Device, settings: EventSettings
 ) -> list[Event]:
+    turned = np.cumsum(np.sqrt(np.einsum("ij,ij->i", motion.gyr_rad_s, motion.gyr_rad_s))) * motion.step_s
     events = []
     for k, rise in enumerate(strokes):
         lasts_s = (rise.stop - rise.begin) * motion.step_s
         if rise.rise_rad <= 0 or lasts_s > settings.max_press_rise_s:
             continue
         fall = next((stroke for stroke in strokes[k + 1 :] if stroke.rise_rad < 0), None)
+        if fall is None or -fall.rise_rad < settings.min_release * rise.rise_rad:
+            # A lever comes back by itself; only the recording's end can hide it.
+            fall = None
+            if motion.time_s[-1] - motion.time_s[rise.stop] > settings.max_held_s:
+                continue
         release = fall.begin if fall is not None else motion.time_s.size - 1
         end = fall.stop if fall is not None else motion.time_s.size - 1
         held = motion.lever_rad[rise.stop : max(min(release, rise.stop + round(0.3 * motion.rate_hz)), rise.stop + 1)]
         stroke_rad = float(np.median(held)) - rise.from_rad
+        # The two sensors disagree a little about every turn of the whole device.
+        blur_rad = settings.turn_blur * float(turned[rise.stop] - turned[rise.begin])
         is_shaken = any(shake.start_s - 0.2 < motion.time_s[rise.begin] < shake.end_s + 0.2 for shake in shakes)
-        if stroke_rad < (settings.min_shaken_press_rad if is_shaken else device.partial_stroke_rad):
+        if stroke_rad < device.partial_stroke_rad + blur_rad:
             continue
+        if is_shaken and (stroke_rad < device.full_stroke_rad or float(held.min()) - rise.from_rad < 0.7 * stroke_rad):
+            continue  # while shaking the angle itself trembles: only a full press that is held is believed
         events.append(
             Event(
                 kind=EventKind.PRESS if stroke_rad >= device.full_stroke_rad else EventKind.PARTIAL_PRESS,

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from inhalemon.devices import Device
 from inhalemon.settings import MeasureSettings
+from inhalemon.signals import runs
 from inhalemon.values import (
     DeviceKind,
     Event,
@@ -49,7 +50,7 @@ def measure_dose(
         measures |= _cover(dose, device)
     else:
         measures |= _shake(dose) | _press(dose)
-    return {name: _without_gap(motion, measure) for name, measure in measures.items()}
+    return {name: _with_gap(motion, measure, settings) for name, measure in measures.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -300,8 +301,19 @@ def _sd_tilt_deg(dose: _Dose, at_s: float) -> float:
     return math.degrees(math.hypot(sd, dose.settings.sd_mount_rad))
 
 
-def _without_gap(motion: Motion, measure: Measure) -> Measure:
+def _with_gap(motion: Motion, measure: Measure, settings: MeasureSettings) -> Measure:
+    """A measure whose stretch has a gap says so: no value over a long one, less sure over a short one."""
     if measure.value is None or measure.start_s is None or measure.end_s is None:
         return measure
     inside = motion.is_gap[motion.index(measure.start_s) : motion.index(measure.end_s) + 1]
-    return Measure(None, reason="gap_in_the_recording") if inside.any() else measure
+    if not inside.any():
+        return measure
+    lengths_s = [(end - start) * motion.step_s for start, end in runs(inside)]
+    is_short = sum(lengths_s) <= settings.max_gap_share * (measure.end_s - measure.start_s)
+    if max(lengths_s) > settings.max_gap_s or not is_short:
+        return Measure(None, reason="gap_in_the_recording")
+    at_an_end = inside[:20].any() or inside[-20:].any()
+    sd = measure.sd or 0.0
+    if at_an_end and measure.value:
+        sd = math.hypot(sd, max(lengths_s) / 2.0)
+    return replace(measure, sd=sd, reason="crosses_a_gap")

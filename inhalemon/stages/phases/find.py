@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -106,14 +106,25 @@ def _one_a_dose(
     for stay in stays:
         at_s = float(motion.time_s[stay.onset])
         part = sum(begin <= at_s for begin in begins)
-        is_unprepared = is_ellipta and part == 0 and bool(begins)
-        if stay.likeness >= settings.min_likeness and not is_unprepared:
-            parts.setdefault(part, []).append(stay)
+        is_unprepared = part == 0 and bool(begins)
+        if stay.likeness < settings.min_likeness or (is_unprepared and is_ellipta):
+            continue
+        if is_unprepared and not stay.is_pressed:
+            stay = replace(stay, is_tilted=False)  # noqa: PLW2901  at the mouth, but nothing to inhale yet
+        parts.setdefault(part, []).append(stay)
     kept = []
     for rivals in parts.values():
         tilted = [stay for stay in rivals if stay.is_tilted]
         kept.append(max(tilted or rivals, key=lambda stay: (stay.likeness, stay.end - stay.onset)))
-    return kept
+    inhaled = [stay.height_m for stay in kept if stay.is_tilted]
+    # Without a tilt, only the height tells the mouth: that of the inhalation, where there is one.
+    return [
+        stay
+        for stay in kept
+        if stay.is_tilted
+        or not inhaled
+        or min(abs(stay.height_m - height) for height in inhaled) < settings.mouth_height_m
+    ]
 
 
 def _masks(

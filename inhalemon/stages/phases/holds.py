@@ -44,7 +44,9 @@ class Stay:
     hold_end: int  # after the device is taken away and held still, it moves on
     after_end: int  # a small movement (breathing out) and the stillness after it
     is_tilted: bool
+    is_pressed: bool
     likeness: float  # 0 to 1
+    height_m: float
 
 
 def path_of(motion: Motion, settings: PhaseSettings) -> Path:
@@ -89,7 +91,7 @@ def find_holds(motion: Motion, path: Path, on_table: BoolArray, settings: PhaseS
         if groups and start - groups[-1][-1][1] <= round(settings.max_disturbance_s * rate):
             last = groups[-1][-1][1]
             apart = path.pose[min(start + 10, end - 1)] - path.pose[max(last - 10, 0)]
-            if float(np.linalg.norm(apart)) < settings.same_place and not motion.is_gap[last:start].any():
+            if float(np.linalg.norm(apart)) < settings.same_place:
                 groups[-1].append((start, end))
                 continue
         groups.append([(start, end)])
@@ -166,9 +168,9 @@ def find_stays(
         is_lowered = hold.height_m < earlier_m - settings.lowered_m
         there = -1.0 if is_lowered else min(carried_in / settings.mouth_way_m, 1.0) * 2.0 - 1.0
         back = min(carried_out / settings.mouth_way_m, 1.0) * 2.0 - 1.0
+        begin_s, end_s = motion.time_s[low], motion.time_s[hold.end - 1]
+        is_pressed = any(begin_s - 1.0 < press.start_s < end_s for press in presses)
         if is_tilted:
-            begin_s, end_s = motion.time_s[low], motion.time_s[hold.end - 1]
-            is_pressed = any(begin_s - 1.0 < press.start_s < end_s for press in presses)
             gain = min(gain_rad / settings.usual_tilt_back_rad, 1.0)
             likeness = max(gain + there + back + is_pressed, 0.0) / 4.0
         elif min(there, back) > 0.5 and lasts_s >= settings.min_untilted_stay_s:
@@ -184,7 +186,9 @@ def find_stays(
                 hold_end=hold_end,
                 after_end=after_end,
                 is_tilted=is_tilted,
+                is_pressed=is_pressed,
                 likeness=likeness,
+                height_m=hold.height_m,
             )
         )
     return found
@@ -245,12 +249,19 @@ def _afterwards(
     if away is None:
         end = min((after[-1] if after else holds[k]).end, limit)
         return end, end
+    while away + 1 < len(after) and _pose_distance(path, after[away], after[away + 1]) < settings.fidget:
+        away += 1
     hold_end = after_end = min(after[away].end, limit)
     if away + 1 < len(after) and hold_end < limit:
         is_small = _distance(path, after[away], after[away + 1]) < settings.away_m
         if is_small and after[away + 1].start - hold_end < settings.max_breath_s * motion.rate_hz:
             after_end = min(after[away + 1].end, limit)
     return hold_end, after_end
+
+
+def _pose_distance(path: Path, one: Hold, other: Hold) -> float:
+    """How far apart two holds following each other are, in clear movements."""
+    return float(np.linalg.norm(path.pose[other.start] - path.pose[one.end - 1]))
 
 
 def _distance(path: Path, one: Hold, other: Hold) -> float:
