@@ -9,9 +9,9 @@ PYTEST_JOBS ?= 2
 ARGS ?=
 export PYTHONPATH := $(CURDIR)
 
-SOURCES := pyproject.toml requirements.lock setup.py $(wildcard inhalemon/_*kernel.py inhalemon/_*kernel.pxd)
+SOURCES := pyproject.toml requirements.lock setup.py $(wildcard inhalemon/_*kernel*.p*)
 
-.PHONY: demo test check bench bench-api validate serve setup lock clean
+.PHONY: demo test check bench bench-api validate docs serve setup lock clean
 
 # The program alone is enough for the demo; tests and checks want the extras.
 $(VENV)/.program: $(SOURCES)
@@ -46,6 +46,11 @@ bench-api: $(VENV)/.everything
 
 validate: $(VENV)/.everything
 	$(BIN)/python -m validation
+
+# What README shows of the program, its example and its figures; a test compares.
+docs: $(VENV)/.everything
+	$(BIN)/python docs/make_picture.py
+	$(BIN)/python docs/fill_readme.py
 
 serve: $(VENV)/.everything
 	$(BIN)/inhalemon serve $(ARGS)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-PIPED_WIDTH = 120
+PIPED_WIDTH = 132
 Result = TypeVar("Result")
 
 
