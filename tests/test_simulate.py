@@ -40,8 +40,8 @@ def integrated(gyr_rad_s, time_s, q_start):
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("part", ["body", "lever"])
 def test_noise_free_gyro_integrates_to_the_true_attitude(device, part):
-    """Within 0.1 deg over a whole session of shaking, impacts and turns, at 1000 Hz."""
-    recording, truth = im.simulate_session(device, seed=5, rate_hz=1000, profile="perfect")
+    """Within 0.1 deg over a whole session of shaking, impacts and turns, at 250 Hz."""
+    recording, truth = im.simulate_session(device, seed=5, rate_hz=250, profile="perfect")
     track = getattr(recording, part)
     q_true = truth.q_ref_body if part == "body" else truth.q_ref_lever
     q = integrated(track.gyr_rad_s, track.time_s, q_true[0])
@@ -227,7 +227,7 @@ def check_labels(device, truth):
 
 @pytest.mark.parametrize(("device", "mistake"), EVERY_MISTAKE)
 def test_every_mistake_is_acted_with_a_margin_and_no_other_with_it(device, mistake):
-    for number in (0, 6, 17):
+    for number in (6, 17):
         _, truth = im.simulate_session(device, (mistake,), seed=100 + number, subject=number, rate_hz=25)
         check_labels(device, truth)
 

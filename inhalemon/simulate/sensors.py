@@ -77,7 +77,7 @@ class Conditions:
     max_gap_s: float = 0.0
     acc_range_g: float = 16.0
     gyr_range_deg_s: float = 2000.0
-    n_taps: int = 4  # sub-samples that stand for the chip's low-pass
+    n_taps: int = 2  # sub-samples that stand for the chip's low-pass
 
 
 PERFECT: Final = Conditions(
