@@ -6,7 +6,11 @@ from setuptools import Extension, setup
 
 # No fast-math and no contraction: a compiled kernel and its Python form must agree to the bit.
 kernels = [
-    Extension(f"inhalemon.{Path(file).stem}", [f"inhalemon/{file}"], extra_compile_args=["-O3", "-ffp-contract=off"])
+    Extension(
+        f"inhalemon.{Path(file).stem}",
+        [f"inhalemon/{file}"],
+        extra_compile_args=["-O3", "-ffp-contract=off", "-fno-builtin-pow"],
+    )
     for file in ("_attitude_kernel.py", "_heading_kernel.py", "_source_kernel.py", "_csv_kernel.pyx")
 ]
 
@@ -21,6 +25,7 @@ def extensions() -> list[Extension]:
         "boundscheck": False,
         "wraparound": False,
         "cdivision": True,
+        "cpow": True,  # a root of a negative number is an error here, never a complex number
         "annotation_typing": False,
         "initializedcheck": False,
     }
