@@ -260,4 +260,4 @@ def _view(values: FloatArray) -> memoryview[float]:
 @functools.cache
 def _say_once_how_it_runs() -> None:
     if str(kernel.__file__).endswith(".py"):
-        log.warning("the attitude kernel is not compiled; the same algorithm runs in Python, about 200 times slower")
+        log.warning("the attitude kernel is not compiled; the same algorithm runs in Python, about 160 times slower")
