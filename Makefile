@@ -11,7 +11,7 @@ export PYTHONPATH := $(CURDIR)
 
 SOURCES := pyproject.toml requirements.lock setup.py $(wildcard inhalemon/_*kernel*.p*)
 
-.PHONY: demo test check bench bench-api validate docs serve setup lock clean
+.PHONY: demo test check fuzz bench bench-api validate docs serve setup lock clean
 
 # The program alone is enough for the demo; tests and checks want the extras.
 $(VENV)/.program: $(SOURCES)
@@ -37,6 +37,11 @@ check: $(VENV)/.everything
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest -m 'not slow and not browser' -x -n $(PYTEST_JOBS)
+
+# Coverage-guided, for SECONDS; needs atheris: pip install -e '.[fuzz]' (Python 3.11).
+SECONDS ?= 60
+fuzz: $(VENV)/.everything
+	$(BIN)/python tests/fuzz/recording.py $(SECONDS)
 
 bench: $(VENV)/.everything
 	$(BIN)/python -m pytest benchmarks
