@@ -47,8 +47,9 @@ class ClockSettings:
     tukey: float = 4.685  # 95 % efficient on Gaussian noise
     sd_noise_rad_s: float = 0.01
     # What is known before: crystals agree to some 50 ppm, chips' own oscillators worse; gyroscopes' scales to some 3 %;
-    # the hinge axes are near x to some 10 degrees.
+    # the hinge axes are near x to some 10 degrees; biases reach some 15 deg/s where no rest tells them.
     sd_drift: float = 2e-4
+    sd_bias_rad_s: float = 0.25
     sd_scale: float = 0.03
     sd_axis_rad: float = 0.17
     # What makes a fit believable: how sure, how much of the motion agrees, and how closely.

@@ -13,6 +13,7 @@ from inhalemon.settings import ClockSettings
 from inhalemon.simulate import simulate_session
 from inhalemon.stages.clocks import align_clocks
 from inhalemon.values import DeviceKind, FloatArray, ImuTrack, Recording
+from validation.second_generator import second_session
 
 HINGE_DATA = Path(__file__).parents[2] / "shared" / "data" / "hinge"
 
@@ -57,6 +58,18 @@ def test_clocks_with_another_zero_are_found_too(offset_s: float) -> None:
     aligned, fit = align_clocks(_with_clock(recording, offset_s, 0.0), ClockSettings())
     assert fit.is_found
     assert np.abs(aligned.lever.time_s - true_s).max() < 0.002
+
+
+@pytest.mark.parametrize("device", ["pmdi", "ellipta"])
+def test_in_a_car_without_any_rest_the_biases_are_found_with_the_clocks(device: str) -> None:
+    """Sessions of the other generator, which vibrate from end to end; the chips' biases are degrees a second."""
+    for seed in (0, 1, 2):
+        recording, truth = second_session(device, seed=seed, attack="car", rate_hz=100)
+        clock = truth.lever_clock
+        true_s = (recording.lever.time_s - clock.offset_s) / (1.0 + clock.drift)
+        aligned, fit = align_clocks(recording, ClockSettings())
+        assert fit.is_found
+        assert np.abs(aligned.lever.time_s - true_s).max() < 0.002
 
 
 def test_claimed_deviation_agrees_with_the_error() -> None:

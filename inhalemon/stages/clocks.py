@@ -12,7 +12,8 @@ from inhalemon.values import BoolArray, ClockFit, FloatArray, ImuTrack, IntArray
 
 _REST_BLOCK_S = 0.5
 _MIN_LENGTH_S = 1.0
-_MAX_REST_SD_RAD_S = 0.1
+_MAX_REST_SD_RAD_S = 0.02
+_MAX_HELD_SD_RAD_S = 0.1  # held still in the hand: better than nothing
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,32 +24,19 @@ class _Rates:
     gyr_rad_s: FloatArray  # (n, 3)
     is_good: BoolArray  # (n,) neither saturated nor beside a gap
     noise_rad_s: float  # root mean square of all three axes when stillest
+    has_rest: bool  # so still, that the bias is known
 
 
-@dataclass(frozen=True, slots=True)
-class _Model:
-    """What is being fitted. The axes are (1, y, z), not normalised, and count only when the lever may move."""
-
-    offset_s: float
-    drift: float
-    scale: float  # the lever's gyroscope against the body's, less one
-    axis_body: tuple[float, float]
-    axis_lever: tuple[float, float]
-
-    def moved(self, step: FloatArray) -> _Model:
-        turns = step[3:].tolist() or [0.0] * 4
-        return _Model(
-            offset_s=self.offset_s + float(step[0]),
-            drift=self.drift + float(step[1]),
-            scale=self.scale + float(step[2]),
-            axis_body=(self.axis_body[0] + turns[0], self.axis_body[1] + turns[1]),
-            axis_lever=(self.axis_lever[0] + turns[2], self.axis_lever[1] + turns[3]),
-        )
+# What is fitted: the lever's clock against the body's, its gyroscope's scale (less one), both biases, and the y and z
+# of both hinge axes (1, y, z). The biases are fitted when no rest told them, the axes when the lever may move.
+_OFFSET, _DRIFT, _SCALE = 0, 1, 2
+_BIAS_BODY, _BIAS_LEVER, _AXIS_BODY, _AXIS_LEVER = slice(3, 6), slice(6, 9), slice(9, 11), slice(11, 13)
+_N_UNKNOWNS = 13
 
 
 @dataclass(frozen=True, slots=True)
 class _Fitted:
-    model: _Model
+    unknowns: FloatArray  # (13,)
     fit: ClockFit
     share_left: float  # of the lever's variance, not explained by the body's motion
 
@@ -59,8 +47,9 @@ def align_clocks(recording: Recording, settings: ClockSettings) -> tuple[Recordi
     Both sensors turn together while the lever is still, so the length of their angular rate agrees in every mounting
     and at every lever angle. A coarse offset over all lags comes from the cross-correlation of the two lengths; offset,
     drift and the ratio of the gyroscopes' scales then from weighted least squares on the samples (Gauss-Newton, with
-    the body's rates interpolated as vectors). Tukey's weights leave out the lever's own strokes and impacts. Standard
-    deviations come from the scatter of one-second blocks (the sandwich estimator), since the residuals are not white.
+    the body's rates interpolated as vectors); without a rest that tells the biases, they are fitted too. Tukey's
+    weights leave out the lever's own strokes and impacts. Standard deviations come from the scatter of one-second
+    blocks (the sandwich estimator), since the residuals are not white.
 
     Where the lever hardly rests, the part of the rate across the hinge is compared instead, which the hinge's own
     motion does not touch; the two hinge axes are then fitted too, near x (the constraint of Seel, Raisch, Schauer 2014,
@@ -107,7 +96,7 @@ def _rates(track: ImuTrack) -> _Rates:
     variance = np.einsum("ijk,ijk->i", blocks, blocks) / n_block - np.einsum("ij,ij->i", means, means)
     stillest = int(np.argmin(variance))
     noise = float(np.sqrt(max(variance[stillest], 0.0)))
-    if noise < _MAX_REST_SD_RAD_S:
+    if noise < _MAX_HELD_SD_RAD_S:
         gyr = gyr - means[stillest]
     is_whole = step_s < 2.5 * usual_s
     is_good = np.ones(time_s.size, dtype=np.bool_)
@@ -115,7 +104,7 @@ def _rates(track: ImuTrack) -> _Rates:
     is_good[:-1] &= is_whole
     if track.is_gyr_saturated is not None:
         is_good &= ~track.is_gyr_saturated
-    return _Rates(time_s, gyr, is_good, noise)
+    return _Rates(time_s, gyr, is_good, noise, has_rest=noise < _MAX_REST_SD_RAD_S)
 
 
 def _fit(body: _Rates, lever: _Rates, settings: ClockSettings, *, lever_moves: bool) -> ClockFit | None:
@@ -123,12 +112,12 @@ def _fit(body: _Rates, lever: _Rates, settings: ClockSettings, *, lever_moves: b
 
     `None` when the two sensors do not agree well enough to be believed.
     """
-    axis = (0.0, 0.0) if lever_moves else None
+    axis = np.zeros(2) if lever_moves else None
     body_speed, lever_speed = _length(body.gyr_rad_s, axis)[0], _length(lever.gyr_rad_s, axis)[0]
     steepness = np.abs(np.diff(lever_speed, append=lever_speed[-1]))
     middle_s, half_s = _liveliest(body.time_s, body_speed, settings.chunk_s)
 
-    def refined(model: _Model, reference_s: float, half_s: float) -> _Fitted | None:
+    def refined(start: FloatArray, reference_s: float, half_s: float) -> _Fitted | None:
         chosen = np.flatnonzero(lever.is_good & (np.abs(lever.time_s - reference_s) <= half_s))
         if chosen.size > settings.max_samples:
             # The steepest samples say most of the offset; drift needs some of every second.
@@ -137,11 +126,12 @@ def _fit(body: _Rates, lever: _Rates, settings: ClockSettings, *, lever_moves: b
             rest = np.sort(order[:-half])
             spread = rest[:: -(-rest.size // half)]
             chosen = chosen[np.sort(np.concatenate([order[-half:], spread]))]
-        return _refine(body, lever, chosen, model, reference_s, settings, lever_moves=lever_moves)
+        return _refine(body, lever, chosen, start, reference_s, settings, lever_moves=lever_moves)
 
     found: _Fitted | None = None
     for offset_s in _coarse_offsets(body.time_s, body_speed, lever.time_s, lever_speed, middle_s, half_s, settings):
-        start = _Model(offset_s, 0.0, 0.0, (0.0, 0.0), (0.0, 0.0))
+        start = np.zeros(_N_UNKNOWNS)
+        start[_OFFSET] = offset_s
         candidate = refined(start, middle_s - offset_s, half_s)
         if candidate is not None and (found is None or candidate.share_left < found.share_left):
             found = candidate
@@ -149,7 +139,7 @@ def _fit(body: _Rates, lever: _Rates, settings: ClockSettings, *, lever_moves: b
                 break
     while found is not None and (middle_s - half_s > body.time_s[0] or middle_s + half_s < body.time_s[-1]):
         half_s *= 4.0
-        found = refined(found.model, found.fit.reference_s, half_s)
+        found = refined(found.unknowns, found.fit.reference_s, half_s)
     return found.fit if found is not None and found.fit.is_found else None
 
 
@@ -210,40 +200,46 @@ def _refine(
     body: _Rates,
     lever: _Rates,
     chosen: IntArray,
-    model: _Model,
+    start: FloatArray,
     reference_s: float,
     settings: ClockSettings,
     *,
     lever_moves: bool,
 ) -> _Fitted | None:
-    """Gauss-Newton from `model` on the chosen samples of the lever; `None` when there are too few."""
+    """Gauss-Newton from `start` on the chosen samples of the lever; `None` when there are too few."""
     time_s, gyr_lever = lever.time_s[chosen], lever.gyr_rad_s[chosen]
     since = time_s - reference_s
-    sd_axis = settings.sd_axis_rad
-    sd = np.array([np.inf, settings.sd_drift, settings.sd_scale, sd_axis, sd_axis, sd_axis, sd_axis])
-    prior = np.diag(sd[: 7 if lever_moves else 3] ** -2.0)
+    sd = np.array(
+        [np.inf, settings.sd_drift, settings.sd_scale, *[settings.sd_bias_rad_s] * 6, *[settings.sd_axis_rad] * 4]
+    )
+    has_rest = body.has_rest and lever.has_rest
+    free = np.array([True] * 3 + [not has_rest] * 6 + [lever_moves] * 4)
+    prior = np.diag(sd[free] ** -2.0)
+    unknowns = start.copy()
     for _ in range(settings.n_iterations):
-        rate, change, is_inside = _interpolated(body, time_s + model.offset_s + model.drift * since)
+        rate, change, is_inside = _interpolated(body, time_s + unknowns[_OFFSET] + unknowns[_DRIFT] * since)
         if np.count_nonzero(is_inside) < settings.min_samples:
             return None
-        here, towards, along = _length(rate, model.axis_body if lever_moves else None)
-        there, towards_lever, along_lever = _length(gyr_lever, model.axis_lever if lever_moves else None)
+        here, towards, along = _length(rate - unknowns[_BIAS_BODY], unknowns[_AXIS_BODY] if lever_moves else None)
+        there, towards_lever, along_lever = _length(
+            gyr_lever - unknowns[_BIAS_LEVER], unknowns[_AXIS_LEVER] if lever_moves else None
+        )
         slope = np.einsum("ij,ij->i", towards, change)
         columns = [slope, slope * since, here]
-        at = [model.offset_s, model.drift, model.scale]
+        if not has_rest:
+            columns += [*-towards.T, *towards_lever.T]
         if lever_moves:
             columns += [-along * towards[:, 1], -along * towards[:, 2]]
             columns += [along_lever * towards_lever[:, 1], along_lever * towards_lever[:, 2]]
-            at += [*model.axis_body, *model.axis_lever]
         design = np.stack(columns, axis=1)
-        residual = there - (1.0 + model.scale) * here
+        residual = there - (1.0 + unknowns[_SCALE]) * here
         weight = _weights(residual, here, is_inside, settings)
         weighted = design * weight[:, None]
         normal = weighted.T @ design + prior
-        step = np.linalg.solve(normal, weighted.T @ residual - prior @ np.array(at))
-        step[0] = np.clip(step[0], -settings.max_step_s, settings.max_step_s)
-        model = model.moved(step)
-        if abs(step[0]) < settings.converged_s:
+        step = np.linalg.solve(normal, weighted.T @ residual - prior @ unknowns[free])
+        step[_OFFSET] = np.clip(step[_OFFSET], -settings.max_step_s, settings.max_step_s)
+        unknowns[free] += step
+        if abs(step[_OFFSET]) < settings.converged_s:
             break
     residual = residual - design @ step
     inverse = np.linalg.inv(normal)
@@ -257,14 +253,14 @@ def _refine(
     agreed = np.sum(slope[weight > 0.0] ** 2) / np.sum(slope[is_inside] ** 2)
     is_close = left <= min(settings.max_share_left * variance + noise**2, settings.max_share_noise * variance)
     fit = ClockFit(
-        offset_s=model.offset_s,
-        drift=model.drift,
+        offset_s=float(unknowns[_OFFSET]),
+        drift=float(unknowns[_DRIFT]),
         reference_s=reference_s,
         sd_offset_s=float(np.hypot(sd_offset, settings.sd_floor_s)),
         sd_drift=float(sd_drift),
         is_found=bool(is_close and sd_offset <= settings.max_sd_offset_s and agreed >= settings.min_agreed),
     )
-    return _Fitted(model, fit, float(left / variance))
+    return _Fitted(unknowns, fit, float(left / variance))
 
 
 def _weights(residual: FloatArray, here: FloatArray, is_inside: BoolArray, settings: ClockSettings) -> FloatArray:
@@ -275,7 +271,7 @@ def _weights(residual: FloatArray, here: FloatArray, is_inside: BoolArray, setti
     return np.where(is_inside, np.maximum(1.0 - beyond, 0.0) ** 2 / variance, 0.0)
 
 
-def _length(rate: FloatArray, axis_yz: tuple[float, float] | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _length(rate: FloatArray, axis_yz: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Length (n,) and direction (n, 3) of the rate, or of its part across an axis, and the part along the axis (n,)."""
     along = np.zeros(rate.shape[0])
     across = rate
