@@ -41,9 +41,10 @@ class ClockSettings:
     # The fine fit.
     max_samples: int = 1500
     min_samples: int = 50
-    n_iterations: int = 5
+    n_iterations: int = 12
     max_step_s: float = 0.03
     converged_s: float = 1e-4
+    converged_rest: float = 3e-3  # biases (rad/s) and axes (rad)
     tukey: float = 4.685  # 95 % efficient on Gaussian noise
     sd_noise_rad_s: float = 0.01
     # What is known before: crystals agree to some 50 ppm, chips' own oscillators worse; gyroscopes' scales to some 3 %;

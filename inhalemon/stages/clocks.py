@@ -239,7 +239,7 @@ def _refine(
         step = np.linalg.solve(normal, weighted.T @ residual - prior @ unknowns[free])
         step[_OFFSET] = np.clip(step[_OFFSET], -settings.max_step_s, settings.max_step_s)
         unknowns[free] += step
-        if abs(step[_OFFSET]) < settings.converged_s:
+        if abs(step[_OFFSET]) < settings.converged_s and np.all(np.abs(step[3:]) < settings.converged_rest):
             break
     residual = residual - design @ step
     inverse = np.linalg.inv(normal)
