@@ -6,6 +6,7 @@ A field's name ends in its unit. A settings file is TOML with one table a stage;
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import json
 import math
@@ -299,7 +300,7 @@ class MeasureSettings:
     max_gap_share: float = 0.25  # of the stretch
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # without slots, so that the digest is worked out once
 class Settings:
     """All settings of the pipeline; frozen, hashable, the same digest for the same numbers."""
 
@@ -350,7 +351,7 @@ class Settings:
             given[name] = _stage_from_mapping(stages[name], table, f"{where} [{name}]")
         return cls(**given)
 
-    @property
+    @functools.cached_property
     def digest(self) -> str:
         """SHA-256 of the settings' canonical JSON: equal numbers, equal digest."""
         canonical = json.dumps(dataclasses.asdict(self), sort_keys=True, separators=(",", ":"))
