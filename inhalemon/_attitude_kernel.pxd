@@ -9,7 +9,7 @@ cdef class AttitudeFilter:
     cdef double[3] start_f
     cdef public double start_s, gap_s, reset_gap_s, gap_rate_var, gap_acc_var
     cdef public double tilt_var, velocity_var, bias_var
-    cdef public double r_factor, r_start, r_start_s, r_floor, window_s
+    cdef public double r_factor, r_start, r_start_s, r_floor, r_largest, window_s
     cdef public bint r_is_constant
     cdef public double rest_rate, rest_acc, rest_min_s, rest_bias_q, rest_bias_gate, rest_r
     cdef public bint is_started, has_rested
@@ -143,7 +143,7 @@ cpdef void fill(
     mean_x=double, mean_y=double, mean_yy=double, mean_hph=double, seen_s=double, future=double,
     after=cython.Py_ssize_t, n=cython.Py_ssize_t, g=double)
 cpdef void centred_r(
-    const double[::1] time_s, const double[:, ::1] y, double window_s, double floor, double[::1] r)
+    const double[::1] time_s, const double[:, ::1] y, double window_s, double floor, double largest, double[::1] r)
 
 @cython.locals(
     n=cython.Py_ssize_t, hx=double, hy=double, hz=double, s=double, qw=double, qx=double, qy=double, qz=double)

@@ -43,6 +43,7 @@ class AttitudeFilter:
         self.r_start = 0.0  # m^2/s^2
         self.r_start_s = 0.0
         self.r_floor = 0.0  # m^2/s^2
+        self.r_largest = 0.0  # m^2/s^2
         self.r_is_constant = False
         self.window_s = 0.0
         self.rest_rate = 0.0  # rad/s, largest deviation at rest
@@ -338,7 +339,7 @@ class AttitudeFilter:
         self.hph = p[18] + p[27]
         self.mean_hph += g * (self.hph - self.mean_hph)
         r = 0.5 * (self.mean_yy - self.mean_y[0] * self.mean_y[0] - self.mean_y[1] * self.mean_y[1] - self.mean_hph)
-        r = max(r, 0.0) + self.r_floor
+        r = min(max(r, 0.0) + self.r_floor, self.r_largest)
         if self.r_is_constant:
             r = self.r_start
         if r_given >= 0.0:
@@ -850,6 +851,7 @@ def centred_r(
     y: memoryview[float],
     window_s: float,
     floor: float,
+    largest: float,
     r: memoryview[float],
 ) -> None:
     """Turns `r` of the past into the mean of the windows over past and future; `y` is `run`'s."""
@@ -870,5 +872,6 @@ def centred_r(
             mean_yy += g * (y[n, 0] * y[n, 0] + y[n, 1] * y[n, 1] - mean_yy)
             mean_hph += g * (y[n, 2] - mean_hph)
             future = max(0.5 * (mean_yy - mean_x * mean_x - mean_y * mean_y - mean_hph), 0.0) + floor
+            future = min(future, largest)
         if future >= 0.0:
             r[n] = 0.5 * (r[n] + future)

@@ -128,6 +128,7 @@ class AttitudeSettings:
     window_s: float = 3.0
     r_factor_s: float = 1.0  # twice the time in which a hand's velocity forgets itself, 0.5 s
     r_floor_m2_s2: float = 0.01
+    r_largest_m2_s2: float = 2.0  # a hand does not keep up 1.4 m/s; what looks like more is an error not known of
     r_start_m2_s2: float = 0.5  # before the window has seen anything, counted as `r_start_s` of it
     r_start_s: float = 2.0
 

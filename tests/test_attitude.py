@@ -271,6 +271,14 @@ def test_start_in_motion_is_found_within_seconds(settings):
         assert np.sqrt(np.mean(error[800:] ** 2)) < 1.5
 
 
+def test_large_bias_without_any_rest_is_found_from_motion_alone():
+    """While recording, started in motion, 20 deg/s on one axis: R must not take the filter's own error for motion."""
+    for seed in range(3):
+        track, q_true = waving(seed, rest_s=-2.0, duration_s=60.0, bias_deg_s=(20.0, 0.0, 0.0))
+        error = inclination_deg(estimate_attitude(track, CAUSAL).q, q_true)
+        assert error[3000:].max() < 5.0
+
+
 # ------------------------------------------------------------------------------------- samples not to be trusted
 
 

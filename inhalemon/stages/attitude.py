@@ -109,7 +109,14 @@ def _akf(track: ImuTrack, settings: AttitudeSettings) -> AttitudeTrack:
     samples = (_view(track.time_s), _view(track.gyr_rad_s), _view(track.acc_m_s2), _sample_flags(track).data)
     _new_filter(settings).run(*samples, *out.views)
     if settings.smooth:
-        kernel.centred_r(samples[0], _view(out.innovation), settings.window_s, settings.r_floor_m2_s2, _view(out.r))
+        kernel.centred_r(
+            samples[0],
+            _view(out.innovation),
+            settings.window_s,
+            settings.r_floor_m2_s2,
+            settings.r_largest_m2_s2,
+            _view(out.r),
+        )
         _smooth(samples, out, settings)
     return _as_track(track, out, settings)
 
@@ -175,6 +182,7 @@ def _new_filter(settings: AttitudeSettings) -> kernel.AttitudeFilter:
     akf.r_start = settings.r_start_m2_s2
     akf.r_start_s = settings.r_start_s
     akf.r_floor = settings.r_floor_m2_s2
+    akf.r_largest = settings.r_largest_m2_s2
     akf.window_s = settings.window_s
     akf.rest_rate = math.radians(settings.rest_rate_deg_s)
     akf.rest_acc = settings.rest_acc_m_s2
