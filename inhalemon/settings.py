@@ -217,6 +217,8 @@ class EventSettings:
     max_pause_s: float = 0.06  # within one stroke
     min_release: float = 0.5  # of the stroke, that the lever comes back
     max_held_s: float = 3.0  # before the recording's end, without coming back
+    min_held_s: float = 0.3  # of a press while shaking
+    gap_blur_rad_s: float = math.radians(20.0)  # of a gap in the samples, that may show in the angle
     turn_blur: float = 0.1  # of a turn of the whole device, that may show in the angle
 
 

@@ -127,10 +127,16 @@ def _presses(
         stroke_rad = float(np.median(held)) - rise.from_rad
         # The two sensors disagree a little about every turn of the whole device.
         blur_rad = settings.turn_blur * float(turned[rise.stop] - turned[rise.begin])
+        # What happened in a gap was guessed by both attitudes.
+        nearby = motion.is_gap[
+            max(rise.begin - round(0.1 * motion.rate_hz), 0) : rise.stop + round(0.1 * motion.rate_hz)
+        ]
+        blur_rad += settings.gap_blur_rad_s * float(np.count_nonzero(nearby)) * motion.step_s
         is_shaken = any(shake.start_s - 0.2 < motion.time_s[rise.begin] < shake.end_s + 0.2 for shake in shakes)
         if stroke_rad < device.partial_stroke_rad + blur_rad:
             continue
-        if is_shaken and (stroke_rad < device.full_stroke_rad or float(held.min()) - rise.from_rad < 0.7 * stroke_rad):
+        is_held = (release - rise.stop) * motion.step_s >= settings.min_held_s
+        if is_shaken and not (is_held and stroke_rad >= device.full_stroke_rad):
             continue  # while shaking the angle itself trembles: only a full press that is held is believed
         events.append(
             Event(

@@ -53,7 +53,9 @@ def describe_motion(
     acc_ref[:, 2] -= GRAVITY_M_S2
     angle = lever_sign * _on_grid(time_s, lever.time_s, lever.angle_rad[:, None], 1)[:, 0]
 
-    is_gap = _in_gaps(time_s, body.time_s, settings.long_gap_s) | _in_gaps(time_s, lever.time_s, settings.long_gap_s)
+    is_gap = _in_gaps(time_s, body.time_s, settings.long_gap_s) | _in_gaps(
+        time_s, recording.lever.time_s, settings.long_gap_s
+    )
     activity = _activity(acc_ref, gyr, settings)
     velocity, offset = _velocity(acc_ref, activity, is_gap, settings)
     up = _up_in_body(q)
