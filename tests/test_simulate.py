@@ -287,6 +287,7 @@ def test_two_doses_have_two_inhalations_and_an_interval():
         ("pmdi", {"rate_hz": 5}, "25 to 1000"),
         ("pmdi", {"profile": "gentle"}, "typical"),
         ("pmdi", {"n_doses": 0}, "n_doses"),
+        ("ellipta", {"mistakes": ("no_inhalation",), "n_doses": 2}, "n_doses=1"),
     ],
 )
 def test_what_cannot_be_simulated_is_refused_with_the_reason(device, keywords, says):

@@ -467,7 +467,8 @@ def _ellipta_dose(a: Actor, *, is_last: bool) -> DoseNotes:
         a.cover(0.0, is_stopped=True)
         a.wait(a.draw(0.3, 1.0))
         notes.openings.append(a.cover(a.person.cover_rad, is_stopped=True))
-    a.pause_somewhere()
+    if not a.has("no_exhale_pause"):  # a long pause would be one
+        a.pause_somewhere()
     if a.has("inverted_after_open"):
         a.go(None, a._held(0.0, a.person.side * a.draw(140.0, 170.0) * _DEG), a.draw(0.7, 1.0))
         a.wait(a.draw(0.8, 2.0))
@@ -532,7 +533,7 @@ def second_session(
 ) -> tuple[Recording, Truth]:
     """A recording and its truth, as `inhalemon.simulate_session` gives them; the attack is drawn when not named."""
     device = DeviceKind(device)
-    chosen = checked_mistakes(device, mistakes)
+    chosen = checked_mistakes(device, mistakes, n_doses=n_doses)
     acting, sensing = np.random.default_rng([77, seed]).spawn(2)
     drawn = str(acting.choice(ATTACKS))
     attack = drawn if attack is None else attack

@@ -79,7 +79,7 @@ _CLASHES: Final[dict[DeviceKind, tuple[tuple[str, str], ...]]] = {
 }
 
 
-def checked_mistakes(device: DeviceKind, mistakes: Iterable[str]) -> frozenset[str]:
+def checked_mistakes(device: DeviceKind, mistakes: Iterable[str], *, n_doses: int = 1) -> frozenset[str]:
     """The mistakes as a set. Raises `SimulationError` for one that is unknown or clashes with another."""
     known = MISTAKES.get(device)
     if known is None:
@@ -97,6 +97,11 @@ def checked_mistakes(device: DeviceKind, mistakes: Iterable[str]) -> frozenset[s
             raise SimulationError(
                 f"mistakes {first!r} and {second!r} cannot be told apart or together; give one of them"
             )
+    if n_doses < 1:
+        raise SimulationError(f"n_doses is {n_doses}; expected 1 or more")
+    if n_doses > 1 and "no_inhalation" in chosen:
+        # An inhalation is what ends a dose: without one, two doses are one with everything done twice.
+        raise SimulationError(f"mistake 'no_inhalation' makes {n_doses} doses one; give n_doses=1")
     return chosen
 
 

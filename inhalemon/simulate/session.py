@@ -53,12 +53,10 @@ def simulate_session(
         device = DeviceKind(device)
     except ValueError:
         raise SimulationError(f"device is {device!r}; expected one of {', '.join(MISTAKES)}") from None
-    chosen = checked_mistakes(device, mistakes)
+    chosen = checked_mistakes(device, mistakes, n_doses=n_doses)
     body_hz, lever_hz = _checked_rates(rate_hz)
     if profile not in _CONDITIONS:
         raise SimulationError(f"profile is {profile!r}; expected one of {', '.join(_CONDITIONS)}")
-    if n_doses < 1:
-        raise SimulationError(f"n_doses is {n_doses}; expected 1 or more")
     # Separate streams: the same seed acts the same whatever the rate and the sensors.
     acting, sensing = np.random.default_rng(seed).spawn(2)
     number = int(acting.integers(N_SUBJECTS))
