@@ -140,7 +140,7 @@ def _inhale_and_press(p: Performance, notes: DoseNotes, manner: Manner, mistakes
         if "no_press" in mistakes:
             return
         if "press_incomplete" in mistakes:
-            # Between a tenth of a degree's worth of doubt: over 15 % and 1.5 deg, under 60 % and 5 deg, with a margin.
+            # Clearly over 15 % and 1.5 deg, clearly under 60 % and 5 deg: partial, calibrated or not.
             least, most = max(0.22 * s.travel_rad, 2.2 * _DEG), min(0.45 * s.travel_rad, 4.0 * _DEG)
             angle_rad = float(rng.uniform(least, max(least, most)))
             notes.presses.append(p.press(angle_rad, lasts_s, delay_s=coordination_s, has_end_stop=False))
