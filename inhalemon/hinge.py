@@ -27,7 +27,7 @@ _SAMPLES_PER_BLOCK = 5  # enough to follow a hand within 0.2 s; more only cost t
 class Blocks:
     """Means over short blocks of what any pair of axes needs, so that trying another pair costs nothing.
 
-    With body axis j and lever axis k, a conj(b) is j @ level[i] @ k and u_z v_z is j @ upright[i] @ k in block i.
+    With j on the body and k on the lever, a conj(b) is j @ level[i] @ k and u_z v_z is j @ upright[i] @ k in block i.
     """
 
     time_s: FloatArray  # (m,) the middle of each block
@@ -65,13 +65,18 @@ class Blocks:
     def __len__(self) -> int:
         return int(self.time_s.size)
 
-    def seen(self, axis_body: FloatArray, axis_lever: FloatArray) -> NDArray[np.complex128]:
+    def seen(self, axes: Axes) -> NDArray[np.complex128]:
         """The mean a conj(b) of each block (m,), for these axes."""
-        return np.asarray(self.level.reshape(-1, 9) @ np.outer(axis_body, axis_lever).ravel(), dtype=np.complex128)
+        return np.asarray(self.level.reshape(-1, 9) @ np.outer(axes.body, axes.lever).ravel(), dtype=np.complex128)
 
     def __getitem__(self, part: slice) -> Blocks:
         names = ("time_s", "level", "upright", "rise_body", "rise_lever", "first")
         return replace(self, **{name: getattr(self, name)[part] for name in names})
+
+    def misfit(self, axes: Axes) -> FloatArray:
+        """How much higher the hinge points by the body's attitude than by the lever's (m,)."""
+        difference: FloatArray = self.rise_body @ axes.body - self.rise_lever @ axes.lever
+        return difference
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,10 +88,18 @@ class Heading:
     sd_rad: FloatArray  # (m,)
 
 
+@dataclass(frozen=True, slots=True)
+class Axes:
+    """The hinge in both frames, unit vectors, and how well the two are known against each other."""
+
+    body: FloatArray  # (3,)
+    lever: FloatArray  # (3,)
+    sd_rad: float
+
+
 def heading_difference(
     blocks: Blocks,
-    axis_body: FloatArray,
-    axis_lever: FloatArray,
+    axes: Axes,
     settings: LeverSettings,
     *,
     smooth: bool,
@@ -98,12 +111,13 @@ def heading_difference(
     A block that shows little of the hinge counts little, one that disagrees wildly is given a larger variance. A lever
     that is probably shut at first (`is_shut_first`) starts with its frame parallel to the body's, about.
     """
-    seen = blocks.seen(axis_body, axis_lever)
+    seen = blocks.seen(axes)
     start = blocks.level[0].trace() if is_shut_first else seen[0]
     sd_start_rad = settings.sd_shut_first_rad if is_shut_first else math.pi
     shown = np.abs(seen)
-    scatter = _scatter(blocks, shown, axis_body, axis_lever, settings, centred=smooth)
+    scatter = _scatter(blocks, shown, axes, settings, centred=smooth)
     scatter *= max(1.0, settings.scatter_memory_s / blocks.block_s)  # neighbours err alike
+    scatter += axes.sd_rad**2
     step_s = np.diff(blocks.time_s, prepend=blocks.time_s[0])
     told, known = np.empty((2, len(blocks), 5))
     kernel.filter_heading(
@@ -126,20 +140,14 @@ def heading_difference(
 
 
 def _scatter(
-    blocks: Blocks,
-    shown: FloatArray,
-    axis_body: FloatArray,
-    axis_lever: FloatArray,
-    settings: LeverSettings,
-    *,
-    centred: bool = True,
+    blocks: Blocks, shown: FloatArray, axes: Axes, settings: LeverSettings, *, centred: bool = True
 ) -> FloatArray:
     """Variance of the hinge's direction as one attitude sees it against the other, block by block, in rad^2.
 
     What heading cannot mend, the difference in elevation, shows how well the two agree just now: a loose hinge and a
     shaken sensor agree badly. Its mean square over a window is the variance, with `sd_hinge_s` worth of `sd_hinge_rad`.
     """
-    rise = blocks.rise_body @ axis_body - blocks.rise_lever @ axis_lever
+    rise = blocks.misfit(axes)
     begin = np.searchsorted(blocks.time_s, blocks.time_s - settings.scatter_window_s)
     end = np.arange(len(blocks)) + 1
     if centred:
@@ -151,48 +159,52 @@ def _scatter(
     return variance
 
 
-def fit_axes(
-    blocks: Blocks, axis: FloatArray, settings: LeverSettings, *, is_shut_first: bool
-) -> tuple[FloatArray, FloatArray]:
+def fit_axes(blocks: Blocks, axis: FloatArray, settings: LeverSettings, *, is_shut_first: bool) -> Axes:
     """The hinge axis on the body and on the lever, from the blocks, with `axis` as what was known before.
 
     Each of `n_axis_fits` rounds takes the heading from the axes so far, then one Gauss-Newton step on |u - v|^2 over
     all blocks for two small angles a side, and for an offset and a slope of the heading, which would otherwise hide
     half of what the axes are off. Tilt errors last for about `axis_memory_s`: the blocks count once in that time.
     """
+    axes = Axes(axis, axis, settings.sd_axis_rad)
+    if len(blocks) == 0:
+        return axes
     share = min(1.0, blocks.block_s / settings.axis_memory_s)
-    axis_body = axis_lever = axis
     known = 1.0 / settings.sd_axis_rad**2
     ramp = np.stack([np.ones(len(blocks)), np.linspace(-1.0, 1.0, len(blocks))])
     for _ in range(settings.n_axis_fits):
-        heading = heading_difference(blocks, axis_body, axis_lever, settings, smooth=True, is_shut_first=is_shut_first)
-        seen = blocks.seen(axis_body, axis_lever)
+        heading = heading_difference(blocks, axes, settings, smooth=True, is_shut_first=is_shut_first)
+        seen = blocks.seen(axes)
         turn = np.exp(-1j * heading.rad)
-        weight = share / _scatter(blocks, np.abs(seen), axis_body, axis_lever, settings)
-        # |u - v|^2 is 2 - 2 axis_body @ (level.real + upright) @ axis_lever, the level turned by the heading; its slope
+        weight = share / _scatter(blocks, np.abs(seen), axes, settings)
+        # |u - v|^2 is 2 - 2 axes.body @ (level.real + upright) @ axes.lever, the level turned by the heading; its slope
         # with heading is the imaginary part.
         turned = ((ramp * weight * turn) @ blocks.level.reshape(-1, 9)).reshape(2, 3, 3)
         agree = turned[0].real + (weight @ blocks.upright.reshape(-1, 9)).reshape(3, 3)
         slope = turned.imag
-        bend = (ramp * weight * (turn * seen).real) @ ramp.T
-        body, lever = _across(axis_body), _across(axis_lever)
+        bend = (ramp * weight * np.abs(seen)) @ ramp.T
+        body, lever = _across(axes.body), _across(axes.lever)
+        total = weight.sum()
         cross = body.T @ agree @ lever
-        body_slope, lever_slope = -(slope @ axis_lever @ body).T, -(axis_body @ slope @ lever).T
+        body_slope, lever_slope = -(slope @ axes.lever @ body).T, -(axes.body @ slope @ lever).T
         normal = np.empty((6, 6))
-        normal[:2, :2] = normal[2:4, 2:4] = (axis_body @ agree @ axis_lever + known) * np.eye(2)
+        normal[:2, :2] = normal[2:4, 2:4] = (total + known) * np.eye(2)
         normal[:2, 2:4], normal[2:4, :2] = -cross, -cross.T
         normal[:2, 4:], normal[4:, :2] = body_slope, body_slope.T
         normal[2:4, 4:], normal[4:, 2:4] = lever_slope, lever_slope.T
         normal[4:, 4:] = bend + np.eye(2)  # a radian is known of the heading: never singular
         pull = [
-            body.T @ (agree @ axis_lever + known * (axis - axis_body)),
-            lever.T @ (axis_body @ agree + known * (axis - axis_lever)),
-            slope @ axis_lever @ axis_body,
+            body.T @ (agree @ axes.lever + known * (axis - axes.body)),
+            lever.T @ (axes.body @ agree + known * (axis - axes.lever)),
+            slope @ axes.lever @ axes.body,
         ]
-        step = np.linalg.solve(normal, np.concatenate(pull))
-        axis_body = _unit(axis_body + body @ step[:2])
-        axis_lever = _unit(axis_lever + lever @ step[2:4])
-    return axis_body, axis_lever
+        variance = np.linalg.inv(normal)
+        step = variance @ np.concatenate(pull)
+        # What counts is one axis against the other, seen through the mean relative rotation.
+        between = np.concatenate([np.eye(2), -cross / total], axis=1)
+        sd_rad = math.sqrt(max(np.trace(between @ variance[:4, :4] @ between.T), 0.0) / 2.0)
+        axes = Axes(_unit(axes.body + body @ step[:2]), _unit(axes.lever + lever @ step[2:4]), sd_rad)
+    return axes
 
 
 def _unit(v: FloatArray) -> FloatArray:

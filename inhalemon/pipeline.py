@@ -61,14 +61,17 @@ def estimate_tracks(recording: Recording, settings: Settings | None = None, *, d
 
     as_recorded, clock = align_clocks(recording, settings.clocks)
     recording = as_recorded
-    if has_shut_state and settings.sensors.is_used:
+    are_corrected = has_shut_state and settings.sensors.is_used
+    if are_corrected:
         recording = correct_sensors(as_recorded, axis, settings.sensors)
     # A delay that both sensors share only shifts the clock: angles and phases stay on the samples' own time. An
     # offset that tilts a part the same way all along is in the shut angle too: the angle doubts only what changes.
     attitude = replace(settings.attitude, gyr_delay_s=0.0, sd_acc_bias_m_s2=settings.lever.sd_acc_change_m_s2)
     body = estimate_attitude(recording.body, attitude)
     lever = resample_attitude(estimate_attitude(recording.lever, attitude), body.time_s)
-    calibration = calibrate(body, lever, axis, settings.lever, has_shut_state=has_shut_state)
+    calibration = calibrate(
+        body, lever, axis, settings.lever, has_shut_state=has_shut_state, are_corrected=are_corrected
+    )
     angle = lever_angle(body, lever, calibration)
     body, lever = (_with_offset(part, settings.attitude.sd_acc_bias_m_s2) for part in (body, lever))
     quality = assess_quality(

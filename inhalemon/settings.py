@@ -172,10 +172,11 @@ class LeverSettings:
     sd_acc_change_m_s2: float = 0.1  # an accelerometer's error that changes with attitude: scale and crossed axes, 1 %
     # The hinge axes.
     sd_axis_rad: float = math.radians(3.0)  # how well the profile's axis is known before
-    axis_memory_s: float = 1.0  # errors of tilt and a loose hinge last about this long
+    axis_memory_s: float = 4.0  # what biased accelerometers make of one pose lasts as long as the pose
     n_axis_fits: int = 3
     first_fit_blocks: int = 20  # while recording: the first fit, then at every doubling
     # The shut lever.
+    sd_alike_rad: float = math.radians(0.4)  # corrected sensors' tilts, one against the other, while shut
     max_zero_rad: float = math.radians(20.0)  # two parts mounted within 10 deg each
     sd_zero_rad: float = math.radians(7.0)  # when the shut lever was not seen
     max_shut_change_rad: float = math.radians(0.5)  # from block to block

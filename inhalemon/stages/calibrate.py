@@ -19,12 +19,16 @@ def calibrate(
     settings: LeverSettings,
     *,
     has_shut_state: bool = True,
+    are_corrected: bool = False,
 ) -> Calibration:
     """What turns two attitudes into the lever's angle, learned from the recording.
 
     Both attitudes are at the same times (the body's clock). `hinge_axis` (3,) is the device profile's: a unit vector in
     the frames' nominal alignment, about which opening is positive. Without a shut state (a plain hinge), zero is the
     frames' own: the angle at which they are parallel.
+
+    `are_corrected` says that the sensors' biases against each other were removed, so that both attitudes err alike
+    while the lever is shut.
 
     A finished recording (`settings.smooth`) is calibrated once from all of it. A recording under way is calibrated
     again whenever its length has doubled, and every sample is given what was known from the samples up to it.
@@ -38,33 +42,30 @@ def calibrate(
     n = time_s.size
     blocks = Blocks.of(body, lever, settings.block_s)
     if settings.smooth:
-        axis_body, axis_lever = fit_axes(blocks, axis, settings, is_shut_first=has_shut_state)
-        heading = heading_difference(blocks, axis_body, axis_lever, settings, smooth=True, is_shut_first=has_shut_state)
-        q_shut, sd_shut_rad = from_two_vectors(axis_body, axis_lever), 0.0
+        axes = fit_axes(blocks, axis, settings, is_shut_first=has_shut_state)
+        heading = heading_difference(blocks, axes, settings, smooth=True, is_shut_first=has_shut_state)
+        q_shut, sd_shut_rad = from_two_vectors(axes.body, axes.lever), 0.0
         if has_shut_state:
-            q_shut, sd_shut_rad = _shut(body, lever, blocks.first, heading.rad, axis_body, q_shut, settings)
+            q_shut, sd_shut_rad = _shut(body, lever, blocks.first, heading.rad, axes.body, q_shut, settings)
         return Calibration(
-            axis_body=np.broadcast_to(axis_body, (n, 3)),
+            axis_body=np.broadcast_to(axes.body, (n, 3)),
             q_shut=np.broadcast_to(q_shut, (n, 4)),
             sd_shut_rad=np.broadcast_to(sd_shut_rad, n),
+            sd_alike_rad=settings.sd_alike_rad if are_corrected else None,
             heading_rad=np.interp(time_s, blocks.time_s, heading.rad),
             sd_heading_rad=np.interp(time_s, blocks.time_s, heading.sd_rad),
         )
-    result = Calibration(np.empty((n, 3)), np.empty((n, 4)), np.empty(n), np.empty(n), np.empty(n))
+    result = Calibration(np.empty((n, 3)), np.empty((n, 4)), np.empty(n), None, np.empty(n), np.empty(n))
     ends = np.append(blocks.first[1:], n)
     for begin, end in _doubling(len(blocks), settings.first_fit_blocks):
-        axis_body, axis_lever = (
-            fit_axes(blocks[:begin], axis, settings, is_shut_first=has_shut_state) if begin else (axis, axis)
-        )
-        heading = heading_difference(
-            blocks[:end], axis_body, axis_lever, settings, smooth=False, is_shut_first=has_shut_state
-        )
-        q_shut, sd_shut_rad = from_two_vectors(axis_body, axis_lever), settings.sd_zero_rad * has_shut_state
+        axes = fit_axes(blocks[:begin], axis, settings, is_shut_first=has_shut_state)
+        heading = heading_difference(blocks[:end], axes, settings, smooth=False, is_shut_first=has_shut_state)
+        q_shut, sd_shut_rad = from_two_vectors(axes.body, axes.lever), settings.sd_zero_rad * has_shut_state
         if has_shut_state and begin:
             past = blocks.first[:begin]
-            q_shut, sd_shut_rad = _shut(body, lever, past, heading.rad[:begin], axis_body, q_shut, settings)
+            q_shut, sd_shut_rad = _shut(body, lever, past, heading.rad[:begin], axes.body, q_shut, settings)
         part = slice(int(blocks.first[begin]), int(ends[end - 1]))
-        result.axis_body[part] = axis_body
+        result.axis_body[part] = axes.body
         result.q_shut[part] = q_shut
         result.sd_shut_rad[part] = sd_shut_rad
         # Inside a block only the blocks before it are known; inside the first, only the very first sample.

@@ -16,7 +16,8 @@ def lever_angle(body: AttitudeTrack, lever: AttitudeTrack, calibration: Calibrat
     returned as `off_axis_rad`, the measurement's own error.
 
     The standard deviation follows from those of the tilt of both parts, of the heading and of the zero: an error of
-    heading enters by the upright part of the hinge axis, one of tilt by the level part.
+    heading enters by the upright part of the hinge axis, one of tilt by the level part. Tilts that err alike while the
+    lever is shut do so in their own frames, and the less the further it opens.
 
     Source of the split: Dobrowolski (2015), arXiv:1506.05481.
     """
@@ -27,5 +28,7 @@ def lever_angle(body: AttitudeTrack, lever: AttitudeTrack, calibration: Calibrat
 
     upright = np.sum(up_in(body.q) * calibration.axis_body, axis=-1) ** 2
     tilt = body.sd_tilt_rad**2 + lever.sd_tilt_rad**2
+    if calibration.sd_alike_rad is not None:
+        tilt = 2.0 * np.sin(twist / 2.0) ** 2 * tilt + calibration.sd_alike_rad**2
     variance = upright * calibration.sd_heading_rad**2 + (1.0 - upright) * tilt + calibration.sd_shut_rad**2
     return LeverTrack(time_s=body.time_s, angle_rad=np.unwrap(twist), sd_rad=np.sqrt(variance), off_axis_rad=off_axis)
