@@ -195,9 +195,9 @@ class Calibration:
     axis_body: FloatArray  # (n, 3) the hinge, a unit vector in the body's frame
     q_shut: FloatArray  # (n, 4) q_body_lever of the shut lever: how the two frames were mounted
     sd_shut_rad: FloatArray  # (n,) of its turn about the hinge
-    sd_alike_rad: float | None  # of one tilt against the other while shut; None: the two err by themselves
     heading_rad: FloatArray  # (n,) turns the lever's room into the body's, about z
     sd_heading_rad: FloatArray  # (n,)
+    sd_alike_rad: float | None = None  # of one tilt against the other while shut; None: the two err by themselves
 
 
 @dataclass(frozen=True, slots=True)

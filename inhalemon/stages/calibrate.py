@@ -55,7 +55,7 @@ def calibrate(
             heading_rad=np.interp(time_s, blocks.time_s, heading.rad),
             sd_heading_rad=np.interp(time_s, blocks.time_s, heading.sd_rad),
         )
-    result = Calibration(np.empty((n, 3)), np.empty((n, 4)), np.empty(n), None, np.empty(n), np.empty(n))
+    result = Calibration(np.empty((n, 3)), np.empty((n, 4)), np.empty(n), np.empty(n), np.empty(n))
     ends = np.append(blocks.first[1:], n)
     for begin, end in _doubling(len(blocks), settings.first_fit_blocks):
         axes = fit_axes(blocks[:begin], axis, settings, is_shut_first=has_shut_state)
