@@ -68,6 +68,7 @@ class SensorSettings:
 
     is_used: bool = True
     block_s: float = 0.2
+    max_gap_s: float = 0.05  # a block with a longer gap is left out
     min_common_s: float = 2.0  # of both sensors, and of the shut lever
     sd_gyr_rad_s: float = math.radians(0.3)  # of a block's mean: tremor, a soft lever
     sd_gyr_scale: float = 0.02  # of the rate: the sensors' scales

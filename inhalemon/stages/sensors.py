@@ -8,7 +8,6 @@ import numpy as np
 
 from inhalemon.rotation import (
     IDENTITY,
-    angle_between,
     as_matrix,
     conjugate,
     from_rotation_vector,
@@ -20,8 +19,11 @@ from inhalemon.values import BoolArray, FloatArray, ImuTrack, Recording
 
 _G_M_S2 = 9.80665
 _TUKEY = 4.0  # standard deviations beyond which a block has no say
-_N_ROUNDS = 15  # of weighing and fitting; a lever open for most of the time needs them
-_SETTLED_RAD = 1e-3
+_N_ROUNDS = 10  # of weighing and fitting
+_FIRST_SCALE = 0.2  # of the rate: at first the mounting may be 10 deg off and must not look like an outlier
+_NARROWING = 0.7  # from round to round
+_MIN_TELLING = 5  # blocks
+_TOO_MUCH = 6.0  # standard deviations of what a chip may have
 
 
 def correct_sensors(recording: Recording, hinge_axis: FloatArray, settings: SensorSettings) -> Recording:
@@ -39,7 +41,7 @@ def correct_sensors(recording: Recording, hinge_axis: FloatArray, settings: Sens
     The relative gyro bias is taken from the lever's rates: what bias remains is the same for both. Both clocks are the
     body's. `hinge_axis` is the device profile's, positive for opening. Uses the whole recording.
     """
-    blocks = _Blocks.of(recording.body, recording.lever, settings.block_s)
+    blocks = _Blocks.of(recording.body, recording.lever, settings.block_s, settings.max_gap_s)
     if int(blocks.is_whole.sum()) * settings.block_s < settings.min_common_s:
         return recording
     axis = np.asarray(hinge_axis, dtype=np.float64) / np.linalg.norm(hinge_axis)
@@ -49,6 +51,9 @@ def correct_sensors(recording: Recording, hinge_axis: FloatArray, settings: Sens
     blocks = dataclasses.replace(blocks, gyr_body=blocks.gyr_body - bias_body, gyr_lever=blocks.gyr_lever - bias_lever)
     q_body_lever, bias_between, is_shut = _shut_mounting(blocks, axis, settings)
     acc_bias_body, acc_bias_lever = _acc_biases(blocks, quiet, q_body_lever, is_shut, settings)
+    if max(np.abs(acc_bias_body).max(), np.abs(acc_bias_lever).max()) > _TOO_MUCH * settings.sd_acc_bias_m_s2:
+        # No chip is that far off: the lever was not shut when it seemed so.
+        return recording
     return dataclasses.replace(
         recording,
         body=_less(recording.body, bias_body, acc_bias_body),
@@ -74,23 +79,26 @@ class _Blocks:
     block_s: float
 
     @classmethod
-    def of(cls, body: ImuTrack, lever: ImuTrack, block_s: float) -> _Blocks:
+    def of(cls, body: ImuTrack, lever: ImuTrack, block_s: float, max_gap_s: float) -> _Blocks:
         start_s = max(body.time_s[0], lever.time_s[0])
         end_s = min(body.time_s[-1], lever.time_s[-1])
         edges = start_s + block_s * np.arange(max(int((end_s - start_s) / block_s), 0) + 1)
-        acc_body, gyr_body, has_body = _means(body, edges)
-        acc_lever, gyr_lever, has_lever = _means(lever, edges)
+        acc_body, gyr_body, has_body = _means(body, edges, max_gap_s)
+        acc_lever, gyr_lever, has_lever = _means(lever, edges, max_gap_s)
         return cls(acc_body, gyr_body, acc_lever, gyr_lever, has_body & has_lever, block_s)
 
 
-def _means(track: ImuTrack, edges: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Means of specific force and rate between edges, exact for signals straight between samples' integrals."""
+def _means(track: ImuTrack, edges: FloatArray, max_gap_s: float) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Means of specific force and rate between edges, for signals straight between samples; and which have no gap."""
     values = np.concatenate([track.acc_m_s2, track.gyr_rad_s], axis=1)
     step_s = np.diff(track.time_s)[:, None]
     integral = np.concatenate([np.zeros((1, 6)), np.cumsum((values[1:] + values[:-1]) / 2 * step_s, axis=0)])
     at_edges = np.stack([np.interp(edges, track.time_s, column) for column in integral.T], axis=1)
     means = np.diff(at_edges, axis=0) / np.diff(edges)[:, None]
     has_samples: BoolArray = np.diff(np.searchsorted(track.time_s, edges)) > 0
+    for gap in np.flatnonzero(step_s[:, 0] > max(max_gap_s, 2.5 / track.rate_hz)):
+        first, last = np.searchsorted(edges, track.time_s[[gap, gap + 1]], side="right") - 1
+        has_samples[max(first, 0) : last + 1] = False
     return means[:, :3], means[:, 3:], has_samples
 
 
@@ -137,28 +145,29 @@ def _shut_mounting(
     bias = np.zeros(3)
     length = np.linalg.norm(blocks.gyr_body, axis=1)
     weight = np.zeros(whole.size)
-    for _ in range(_N_ROUNDS):
+    for scale in np.maximum(settings.sd_gyr_scale, _FIRST_SCALE * _NARROWING ** np.arange(_N_ROUNDS)):
         misfit = np.linalg.norm(_misfit(blocks, q, bias), axis=1)
         scatter = max(float(1.4826 * np.median(misfit[whole])), settings.sd_gyr_rad_s)
-        sd = np.hypot(scatter, settings.sd_gyr_scale * length)
+        sd = np.hypot(scatter, scale * length)
         weight = np.where(whole, np.clip(1.0 - (misfit / (_TUKEY * sd)) ** 2, 0.0, None) ** 2, 0.0)
-        before = q
         q, bias = _fitted(blocks, q, bias, weight / sd**2, settings)
-        if angle_between(before, q) < _SETTLED_RAD:
-            break
 
-    # The angle at which most blocks agree may be the open one: its turn about the hinge tells.
-    misfit = _misfit(blocks, q, bias)
-    rate = misfit @ axis
+    rate = _misfit(blocks, q, bias) @ axis
     angle = np.cumsum(np.where(whole, rate, 0.0)) * blocks.block_s
+    is_still = whole & (np.abs(rate) < settings.max_hinge_rate_rad_s)
     across = np.sqrt(np.maximum(length**2 - (blocks.gyr_body @ axis) ** 2, 0.0))
     telling = (weight > 0.5) & (across > settings.min_across_rad_s)
-    angle = angle - np.median(angle[telling] if telling.any() else angle[whole])
-    turn = float(split_twist(q, axis)[0])
-    if abs(turn) > settings.max_mounting_rad:
-        q = multiply(q, from_rotation_vector(np.asarray(-turn * axis, dtype=np.float64)))
-        angle = angle + turn
-    is_still = whole & (np.abs(rate) < settings.max_hinge_rate_rad_s)
+    if int(telling.sum()) >= _MIN_TELLING:
+        # The angle at which the moving blocks agree may be the open one: the mounting's turn about the hinge tells.
+        angle = angle - np.median(angle[telling])
+        turn = float(split_twist(q, axis)[0])
+        if abs(turn) > settings.max_mounting_rad:
+            q = multiply(q, from_rotation_vector(np.asarray(-turn * axis, dtype=np.float64)))
+            angle = angle + turn
+    elif is_still.any():
+        # Hardly any motion: shut is the smallest angle that is kept for a second.
+        kept = np.sort(angle[is_still])
+        angle = angle - kept[min(round(1.0 / blocks.block_s), kept.size - 1)]
     is_shut = is_still & (np.abs(angle) < settings.shut_band_rad)
     if int(is_shut.sum()) * blocks.block_s >= settings.min_common_s:
         sd = np.hypot(settings.sd_gyr_rad_s, settings.sd_gyr_scale * length)
