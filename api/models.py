@@ -363,3 +363,73 @@ class Version(_Out):
     pipeline: str
     settings_digest: str
     rules_digest: str
+
+
+# ------------------------------------------------------------------------------------------ following
+
+Direction = Literal["improving", "steady", "worsening", "unknown"]
+
+
+class ProgressPoint(_Out):
+    """One session, as it stands after review."""
+
+    session: str
+    at: datetime
+    grade: Grade | None
+    points: int | None
+    mistakes: list[str]
+    steps_kept: int = Field(description="rules kept")
+    steps_decided: int = Field(description="rules that could be decided")
+    signed_off: bool
+
+
+class RuleProgress(_Out):
+    rule: str
+    decided: int
+    failed: int
+    last: Literal["pass", "fail"] | None
+
+
+class Trend(_Out):
+    direction: Direction = Field(description="of the number of mistakes; unknown below four sessions")
+    mistakes_per_30_days: float | None = Field(description="Theil and Sen's slope")
+
+
+class Progress(_Out):
+    patient_ref: str
+    sessions: list[ProgressPoint]
+    rules: list[RuleProgress]
+    trend: Trend
+
+
+class Estimate(_Out):
+    """A value with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+class AgreementRow(_Out):
+    """The first judge is the machine (or one reviewer), the second, taken as the truth, a reviewer."""
+
+    rule: str
+    n: int
+    both_fail: int
+    only_first_fails: int
+    only_second_fails: int
+    both_pass: int
+    undecided: int = Field(description="a reviewer decided, the machine could not; not in n")
+    sensitivity: Estimate | None
+    specificity: Estimate | None
+    kappa: Estimate | None = Field(description="Cohen's; null when both always say the same one thing")
+
+
+class AgreementTable(_Out):
+    sessions: int
+    rules: list[AgreementRow]
+
+
+class Agreements(_Out):
+    machine_and_reviewers: AgreementTable
+    reviewers_among_each_other: AgreementTable

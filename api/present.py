@@ -54,6 +54,18 @@ def detail(session: Session, report: StoredReport | None, mistakes: Sequence[str
     }
 
 
+def export_line(session: Session, body: bytes | None, entries: Sequence[Review]) -> dict[str, object]:
+    """A session for the export: as `detail`, without what is only about the upload, and with its review."""
+    return _summary(session, ()) | {
+        "report": None if body is None else orjson.Fragment(body),
+        "reviews": [each.model_dump(mode="json") for each in history(session.id, entries).entries],
+    }
+
+
+def grade(session: Session) -> Grade | None:
+    return None if session.grade is None else Grade(session.grade)
+
+
 def report_version(report: StoredReport) -> models.ReportVersion:
     return models.ReportVersion(
         version=report.version,

@@ -2,13 +2,14 @@
 
 from fastapi import APIRouter
 
-from api.routes import audit, health, keys, login, people, reference, reviews, sessions, uploads
+from api.routes import audit, following, health, keys, login, people, reference, reviews, sessions, uploads
 
 ROUTERS: tuple[APIRouter, ...] = (
     health.router,
     uploads.router,
     sessions.router,
     reviews.router,
+    following.router,
     reference.router,
     people.router,
     keys.router,

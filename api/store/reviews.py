@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import Any
@@ -11,7 +11,7 @@ from sqlalchemy import ColumnElement, Connection, delete, exists, select, update
 
 from api.moments import SECOND_US, new_id, now_us
 from api.problems import ConflictError
-from api.store.engine import insert_new, streamed
+from api.store.engine import insert_new
 from api.store.sessions import Session, State, sessions_where
 from api.store.tables import leases, reviews, sessions
 
@@ -95,16 +95,13 @@ def history(connection: Connection, session_id: str) -> list[Review]:
     return [Review(**row) for row in connection.execute(statement).mappings()]
 
 
-def histories(connection: Connection, clinic_ids: Sequence[str]) -> Iterator[Review]:
-    """Every entry of these clinics, session by session, in the order they were written."""
-    statement = (
-        select(reviews)
-        .join(sessions)
-        .where(sessions.c.clinic_id.in_(clinic_ids))
-        .order_by(reviews.c.session_id, reviews.c.version)
-    )
-    for row in streamed(connection, statement):
-        yield Review(**row)
+def histories_of(connection: Connection, session_ids: Sequence[str]) -> dict[str, list[Review]]:
+    """Every entry of each of these sessions, in the order they were written."""
+    found: dict[str, list[Review]] = {session_id: [] for session_id in session_ids}
+    statement = select(reviews).where(reviews.c.session_id.in_(session_ids))
+    for row in connection.execute(statement.order_by(reviews.c.session_id, reviews.c.version)).mappings():
+        found[row["session_id"]].append(Review(**row))
+    return found
 
 
 def standing(entries: Sequence[Review]) -> list[Review]:

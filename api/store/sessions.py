@@ -93,7 +93,8 @@ class Filter:
     state: str | None = None
     rule: str | None = None
     verdict: str | None = None
-    reviewed: bool | None = None
+    reviewed: bool | None = None  # signed off
+    has_reviews: bool | None = None
     since_us: int | None = None
     until_us: int | None = None
 
@@ -194,6 +195,8 @@ def _conditions(clinic_ids: Sequence[str], given: Filter) -> list[Any]:
         conditions.append(
             sessions.c.signed_off_us.is_not(None) if given.reviewed else sessions.c.signed_off_us.is_(None)
         )
+    if given.has_reviews is not None:
+        conditions.append((sessions.c.n_reviews > 0) == given.has_reviews)
     if given.since_us is not None:
         conditions.append(sessions.c.happened_at_us >= given.since_us)
     if given.until_us is not None:
@@ -245,6 +248,13 @@ def stream(connection: Connection, clinic_ids: Sequence[str], given: Filter) -> 
         values = dict(row)
         body = values.pop("body")
         yield Session(**values), body
+
+
+def every(connection: Connection, clinic_ids: Sequence[str], given: Filter) -> Iterator[Session]:
+    """All sessions, oldest first."""
+    statement = _SESSIONS.where(*_conditions(clinic_ids, given))
+    for row in streamed(connection, statement.order_by(sessions.c.happened_at_us, sessions.c.id)):
+        yield Session(**row)
 
 
 def mistakes_of(connection: Connection, session_ids: Sequence[str]) -> dict[str, list[str]]:
