@@ -15,6 +15,7 @@ from api.store.reviews import Review
 from api.store.sessions import Filter, Session
 from api.verdicts import adherence, by_reviewer, effective, mistakes
 from inhalemon.evaluate.agreement import agreement, wilson_interval
+from inhalemon.values import Verdict
 
 _BLOCK = 500
 _SIGNIFICANT_Z = 1.959963984540054  # two-sided 5 %
@@ -61,7 +62,7 @@ def progress(connection: Connection, clinic_ids: Sequence[str], patient_ref: str
 def _rule(rule: str, verdicts: Sequence[str]) -> models.RuleProgress:
     decided = [verdict for verdict in verdicts if verdict in {"pass", "fail"}]
     return models.RuleProgress(
-        rule=rule, decided=len(decided), failed=decided.count("fail"), last=decided[-1] if decided else None
+        rule=rule, decided=len(decided), failed=decided.count("fail"), last=Verdict(decided[-1]) if decided else None
     )
 
 

@@ -387,7 +387,7 @@ class RuleProgress(_Out):
     rule: str
     decided: int
     failed: int
-    last: Literal["pass", "fail"] | None
+    last: Verdict | None
 
 
 class Trend(_Out):
