@@ -167,7 +167,7 @@ class RawFiles:
     def try_writing(self) -> None:
         """Write, sync and remove a small file. Raises `DiskFullError` or `OSError`."""
         with Incoming(self._incoming) as probe:
-            probe.write(bytes(4096))
+            probe.write(os.urandom(4096))  # such as does not shrink
             probe.sync()
 
 

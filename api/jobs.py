@@ -23,6 +23,7 @@ import structlog
 log = structlog.get_logger(__name__)
 
 _INTERACTIVE, _BACKGROUND = 0, 1
+_START_S = 60.0
 _GRACE_S = 2.0
 _RESPAWN_PAUSE_S = 1.0
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -75,6 +76,7 @@ class Pool:
         self._numbers = itertools.count()
         self._keepers: list[asyncio.Task[None]] = []
         self._children: set[asyncio.subprocess.Process] = set()
+        self._n_asked = 0  # jobs under way or waiting that somebody waits for
         self.crashes = 0
 
     async def start(self) -> None:
@@ -103,12 +105,16 @@ class Pool:
         Raises `SaturatedError` when too many wait, `CrashedError` and `DeadlineError`. Work in the background waits for
         as long as it takes and lets everything else go first.
         """
-        if not in_background and self.n_waiting >= self._max_waiting:
+        if not in_background and self._n_asked >= self.size + self._max_waiting:
             raise SaturatedError
         priority = _BACKGROUND if in_background else _INTERACTIVE
         job = _Job(priority, next(self._numbers), task, asyncio.get_running_loop().create_future())
         self._queue.put_nowait(job)
-        return await job.answer
+        self._n_asked += not in_background
+        try:
+            return await job.answer
+        finally:
+            self._n_asked -= not in_background
 
     async def _keep(self) -> None:
         """Keep one worker alive and busy."""
@@ -116,7 +122,8 @@ class Pool:
             child = await self._spawn()
             started_s = time.monotonic()
             try:
-                await self._feed(child)
+                if await _is_ready(child):
+                    await self._feed(child)
             finally:
                 await _end(child)
                 self._children.discard(child)
@@ -156,6 +163,17 @@ class Pool:
                 raise
             if not job.answer.done():
                 job.answer.set_result(answer)
+
+
+async def _is_ready(child: asyncio.subprocess.Process) -> bool:
+    """Whether the worker has loaded the library; a job's deadline does not pay for that."""
+    if child.stdout is None:
+        return False
+    try:
+        return bool(await asyncio.wait_for(child.stdout.readuntil(b"\n"), _START_S))
+    except (TimeoutError, asyncio.IncompleteReadError, ConnectionError):
+        log.error("worker did not start", returncode=child.returncode)
+        return False
 
 
 async def _ask(child: asyncio.subprocess.Process, task: Mapping[str, object]) -> Answer:

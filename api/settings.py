@@ -16,6 +16,7 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 from api.problems import ConfigurationError
 
 _PREFIX = "INHALEMON_"
+_SECRETS = {"secret", "oidc_client_secret", "database_url"}  # never repeated; a URL may hold a password
 _MIB = 1024 * 1024
 
 
@@ -131,7 +132,7 @@ def load(**given: object) -> ServiceSettings:
     except ValidationError as error:
         lines = [
             f"{_PREFIX}{'_'.join(str(part) for part in each['loc']).upper() or 'settings'}: {each['msg']}"
-            f" (found {each['input']!r})"
+            + ("" if not each["loc"] or _SECRETS & set(each["loc"]) else f" (found {each['input']!r})")
             for each in error.errors(include_url=False)
         ]
         raise ConfigurationError("; ".join(lines)) from error

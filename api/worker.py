@@ -38,6 +38,8 @@ def main() -> None:
     # What a library prints must not land among the answers.
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
+    answers.write(b"ready\n")
+    answers.flush()
     for line in sys.stdin.buffer:
         head, body = answer(orjson.loads(line))
         answers.write(orjson.dumps(head | {"n_bytes": len(body)}) + b"\n" + body)

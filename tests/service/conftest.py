@@ -5,32 +5,19 @@ One server serves a whole run of tests; each test has clinics of its own, and so
 
 from __future__ import annotations
 
-import contextlib
 import functools
-import itertools
 import os
 import shutil
-import socket
 import subprocess
-import threading
-import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import httpx
 import pytest
-import uvicorn
+from running import Clinic, Server, next_name, serving, settings_for
 
 import inhalemon as im
-from api import operations
-from api.app import create_app
-from api.principal import Role, Scope
-from api.service import Service
-from api.settings import ServiceSettings, load
 from inhalemon.recording import write_recording
 
-_NAMES = itertools.count(1)
 _POSTGRES_BIN = [Path("/usr/lib/postgresql"), Path("/usr/local/pgsql"), Path("/usr/local")]
 
 
@@ -81,7 +68,7 @@ def database(request: pytest.FixtureRequest) -> Callable[[], str | None]:
     url: str = request.getfixturevalue("postgresql")
 
     def fresh() -> str:
-        name = f"test_{os.getpid()}_{next(_NAMES)}"
+        name = f"test_{os.getpid()}_{next_name()}"
         with psycopg.connect(url, autocommit=True) as connection:
             connection.execute(f"CREATE DATABASE {name}")
         return url.replace("/postgres?", f"/{name}?")
@@ -92,93 +79,10 @@ def database(request: pytest.FixtureRequest) -> Callable[[], str | None]:
 # ------------------------------------------------------------------------------------------ server
 
 
-@dataclass
-class Server:
-    """A running server and what a test needs to reach into it."""
-
-    url: str
-    service: Service
-    settings: ServiceSettings
-
-    def client(
-        self,
-        key: str | None = None,
-        *,
-        headers: dict[str, str] | None = None,
-        cookies: dict[str, str] | None = None,
-    ) -> httpx.Client:
-        own = {} if key is None else {"Authorization": f"Bearer {key}"}
-        headers = own | (headers or {})
-        return httpx.Client(base_url=self.url, headers=headers, cookies=cookies, timeout=30.0, trust_env=False)
-
-    def clinic(self) -> Clinic:
-        return Clinic(self, f"clinic-{next(_NAMES)}")
-
-
-@dataclass
-class Clinic:
-    """A clinic of one test."""
-
-    server: Server
-    slug: str
-    _clients: dict[str, httpx.Client] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        operations.add_clinic(self.server.service, self.slug)
-
-    def key(self, role: str, *, scopes: Sequence[Scope] | None = None, days: float | None = None) -> str:
-        wanted = None if scopes is None else frozenset(scopes)
-        return operations.add_key(self.server.service, self.slug, Role(role), scopes=wanted, days=days).key
-
-    def client(self, role: str) -> httpx.Client:
-        """A program of this role."""
-        if role not in self._clients:
-            self._clients[role] = self.server.client(self.key(role))
-        return self._clients[role]
-
-    @property
-    def id(self) -> str:
-        from api.store import people  # noqa: PLC0415
-
-        with self.server.service.store.read() as connection:
-            return people.clinic_slugs(connection)[self.slug]
-
-    def close(self) -> None:
-        for client in self._clients.values():
-            client.close()
-
-
-@contextlib.contextmanager
-def serving(settings: ServiceSettings) -> Iterator[Server]:
-    """The real application behind a real web server, on a free port of this machine."""
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        app = create_app(settings)
-        config = uvicorn.Config(app, log_config=None, access_log=False, lifespan="on", timeout_graceful_shutdown=5)
-        server = uvicorn.Server(config)
-        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
-        thread.start()
-        try:
-            deadline_s = time.monotonic() + 20
-            while not server.started:
-                assert thread.is_alive(), "the server did not start"
-                assert time.monotonic() < deadline_s, "the server takes too long to start"
-                time.sleep(0.01)
-            yield Server(f"http://127.0.0.1:{listener.getsockname()[1]}", app.state.service, settings)
-        finally:
-            server.should_exit = True
-            thread.join(20)
-            assert not thread.is_alive(), "the server did not stop"
-
-
 @pytest.fixture(scope="session")
 def server(database: Callable[[], str | None], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     with serving(settings_for(tmp_path_factory.mktemp("data"), database(), workers=1)) as running:
         yield running
-
-
-def settings_for(data_dir: Path, database_url: str | None, **more: object) -> ServiceSettings:
-    return load(data_dir=data_dir, database_url=database_url, min_free_bytes=0, **more)
 
 
 @pytest.fixture
