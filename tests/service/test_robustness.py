@@ -25,7 +25,7 @@ def send(client, content, **params):
     return client.post("/v1/sessions", content=content, params={"device": "pmdi", **params}, headers=CSV)
 
 
-def wait_until(holds, seconds=15.0):
+def wait_until(holds, seconds=40.0):
     deadline_s = time.monotonic() + seconds
     while not holds():
         assert time.monotonic() < deadline_s, "it never came to that"
@@ -65,7 +65,7 @@ def test_a_crashed_worker_costs_one_answer_and_no_data(tmp_path, database, recor
 
 
 def test_a_job_past_its_deadline_is_ended(tmp_path, database, recording):
-    with own_server(tmp_path, database, score_deadline_s=1.0) as (server, clinic):
+    with own_server(tmp_path, database, score_deadline_s=2.0) as (server, clinic):
         client = clinic.client("clinician")
         assert client.get("/version").status_code == 200  # the worker is warm
         (worker,) = server.service.pool.pids
@@ -73,7 +73,7 @@ def test_a_job_past_its_deadline_is_ended(tmp_path, database, recording):
         started_s = time.monotonic()
         answer = send(client, recording(seed=83))
         assert answer.status_code == 500
-        assert 0.9 < time.monotonic() - started_s < 8
+        assert 1.9 < time.monotonic() - started_s < 20
         wait_until(lambda: client.get(f"/v1/sessions/{answer.json()['session']}").json()["state"] == "scored")
 
 
