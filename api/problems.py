@@ -113,6 +113,10 @@ class ScoringFailedError(ProblemError):
     status, kind, title = 500, "scoring-failed", "Scoring failed; the recording is kept and will be tried again"
 
 
+class NotInstalledError(ProblemError):
+    status, kind, title = 501, "not-installed", "This installation lacks an extra part"
+
+
 class BusyError(ProblemError):
     status, kind, title = 503, "busy", "Scoring is saturated; the recording is kept and will be scored later"
 

@@ -2,7 +2,7 @@
 
 from fastapi import APIRouter
 
-from api.routes import audit, following, health, keys, login, people, reference, reviews, sessions, uploads
+from api.routes import audit, fhir, following, health, keys, login, people, reference, reviews, sessions, uploads
 
 ROUTERS: tuple[APIRouter, ...] = (
     health.router,
@@ -10,6 +10,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     sessions.router,
     reviews.router,
     following.router,
+    fhir.router,
     reference.router,
     people.router,
     keys.router,

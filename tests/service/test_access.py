@@ -32,6 +32,8 @@ NEEDS = {
     "GET /v1/patients/{ref}/progress": Scope.READ,
     "GET /v1/agreement": Scope.READ,
     "GET /v1/export": Scope.EXPORT,
+    "GET /v1/sessions/{session_id}/fhir": Scope.READ,
+    "GET /v1/fhir/code-systems": None,
     "GET /v1/rules": None,
     "GET /v1/devices": None,
     "GET /v1/me": None,
