@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 import structlog
@@ -17,7 +18,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
 import inhalemon
-from api import background, routes
+from api import background, pages, routes
 from api.answers import problem_answer
 from api.middleware import Envelope
 from api.problems import (
@@ -28,6 +29,7 @@ from api.problems import (
     PasswordChangeError,
     ProblemError,
 )
+from api.rendering import problem_page
 from api.scoring import Scorer
 from api.service import Service
 from api.settings import ServiceSettings
@@ -78,10 +80,19 @@ def create_app(settings: ServiceSettings) -> FastAPI:
     app.add_exception_handler(ProblemError, _on_problem)
     app.add_exception_handler(RequestValidationError, _on_invalid)
     app.add_exception_handler(HTTPException, _on_http)
-    for router in routes.ROUTERS:
+    for router in (*routes.ROUTERS, *pages.ROUTERS):
         app.include_router(router)
-    app.mount("/static", StaticFiles(directory=_STATIC), name="static")
+    app.mount("/static", _Static(directory=_STATIC), name="static")
     return app
+
+
+class _Static(StaticFiles):
+    """Files that browsers may keep, if they ask each time whether they are still the same."""
+
+    def file_response(self, *args: Any, **kwargs: Any) -> Response:
+        answer = super().file_response(*args, **kwargs)
+        answer.headers["cache-control"] = "no-cache"
+        return answer
 
 
 def _make_ready(service: Service) -> None:
@@ -102,7 +113,11 @@ async def _on_problem(request: Request, error: Exception) -> Response:
             return RedirectResponse(f"/login?next={quote(request.url.path)}", status_code=303)
         if isinstance(problem, PasswordChangeError):
             return RedirectResponse("/password", status_code=303)
-    return problem_answer(problem, request.url.path)
+    return _answer(request, problem)
+
+
+def _answer(request: Request, problem: ProblemError) -> Response:
+    return problem_page(request, problem) if _is_for_a_person(request) else problem_answer(problem, request.url.path)
 
 
 async def _on_invalid(request: Request, error: Exception) -> Response:
@@ -110,17 +125,17 @@ async def _on_invalid(request: Request, error: Exception) -> Response:
     found = error.errors() if isinstance(error, RequestValidationError) else []
     places = [{"where": ".".join(str(part) for part in each["loc"]), "wanted": each["msg"]} for each in found]
     told = "; ".join(f"{each['where']}: {each['wanted']}" for each in places)
-    return problem_answer(InvalidError(f"{told}.", errors=places), request.url.path)
+    return _answer(request, InvalidError(f"{told}.", errors=places))
 
 
 async def _on_http(request: Request, error: Exception) -> Response:
     status = error.status_code if isinstance(error, HTTPException) else 500
     headers = dict(error.headers or {}) if isinstance(error, HTTPException) else {}
     if status == 404:
-        return problem_answer(NotFoundError("There is nothing at this address."), request.url.path)
+        return _answer(request, NotFoundError("There is nothing at this address."))
     kind = NotAllowedError if status == 403 else ProblemError
     problem = kind(str(getattr(error, "detail", "")), headers=headers)
     problem.status = status
     if status < 500:
         problem.kind, problem.title = f"http-{status}", "The request cannot be answered as it is"
-    return problem_answer(problem, request.url.path)
+    return _answer(request, problem)

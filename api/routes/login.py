@@ -8,25 +8,24 @@ from __future__ import annotations
 
 import hmac
 import secrets
-from pathlib import Path
 from typing import Annotated
 
 import structlog
 from fastapi import APIRouter, Form, Request, Response
 from fastapi.responses import RedirectResponse
-from fastapi.templating import Jinja2Templates
 from starlette.concurrency import run_in_threadpool
 
 from api import auth
 from api.access import COOKIE, Anybody, ServiceDep, principal_of_login
 from api.moments import SECOND_US, now_us
+from api.principal import Principal
 from api.problems import CsrfError, InvalidError, ProblemError, TooManyRequestsError
+from api.rendering import render
 from api.service import Service
 from api.store import people
 
 log = structlog.get_logger(__name__)
 router = APIRouter(tags=["pages"], include_in_schema=False)
-templates = Jinja2Templates(directory=Path(__file__).parent.parent / "templates")
 
 _VISITOR_COOKIE = "inhalemon_visitor"
 
@@ -35,7 +34,7 @@ def is_secure(request: Request, service: Service) -> bool:
     return service.settings.is_secure or request.url.scheme == "https"
 
 
-def _local(target: str | None) -> str:
+def local_path(target: str | None) -> str:
     """Where to go after the login: a path here, never another site."""
     if (
         target
@@ -51,7 +50,7 @@ def _local(target: str | None) -> str:
 @router.get("/login")
 def login_page(request: Request, service: ServiceDep, next: str | None = None) -> Response:  # noqa: A002
     if (token := request.cookies.get(COOKIE)) and principal_of_login(service, token) is not None:
-        return RedirectResponse(_local(next), status_code=303)
+        return RedirectResponse(local_path(next), status_code=303)
     return _login_form(request, service, next, told=None, status=200)
 
 
@@ -59,11 +58,11 @@ def _login_form(request: Request, service: Service, target: str | None, *, told:
     visitor = request.cookies.get(_VISITOR_COOKIE) or secrets.token_urlsafe(24)
     content = {
         "csrf_token": service.secret.mac("visitor", visitor).hex(),
-        "next": _local(target),
+        "next": local_path(target),
         "told": told,
         "has_oidc": service.settings.oidc_issuer is not None,
     }
-    answer = templates.TemplateResponse(request, "login.html", content, status_code=status)
+    answer = render(request, "login.html", content, status=status)
     answer.set_cookie(
         _VISITOR_COOKIE, visitor, httponly=True, samesite="lax", secure=is_secure(request, service), max_age=3600
     )
@@ -95,7 +94,7 @@ async def log_in(
         await run_in_threadpool(_note_failure, service, name.strip())
         return _login_form(request, service, next, told="Name or password is wrong.", status=401)
     service.limits.logins.forgive(tried)
-    answer = RedirectResponse("/password" if user.must_change_password else _local(next), status_code=303)
+    answer = RedirectResponse("/password" if user.must_change_password else local_path(next), status_code=303)
     await run_in_threadpool(open_login, request, service, user, answer, "password")
     return answer
 
@@ -136,12 +135,17 @@ def log_out(request: Request, service: ServiceDep, who: Anybody) -> Response:
 
 @router.get("/password")
 def password_page(request: Request, who: Anybody) -> Response:
-    return _password_form(request, who.csrf_token, is_forced=who.must_change_password, told=None, status=200)
+    return _password_form(request, who, told=None, status=200)
 
 
-def _password_form(request: Request, csrf: str | None, *, is_forced: bool, told: str | None, status: int) -> Response:
-    content = {"csrf_token": csrf, "is_forced": is_forced, "told": told, "min_length": auth.MIN_PASSWORD_LENGTH}
-    return templates.TemplateResponse(request, "password.html", content, status_code=status)
+def _password_form(request: Request, who: Principal, *, told: str | None, status: int) -> Response:
+    content = {
+        "csrf_token": who.csrf_token,
+        "is_forced": who.must_change_password,
+        "told": told,
+        "min_length": auth.MIN_PASSWORD_LENGTH,
+    }
+    return render(request, "password.html", content, who=who, status=status)
 
 
 @router.post("/password")
@@ -163,9 +167,7 @@ async def change_password(
             raise InvalidError("The new password is the old one; choose another.")
         password_hash = await run_in_threadpool(auth.hash_password, new)
     except ProblemError as problem:
-        return _password_form(
-            request, who.csrf_token, is_forced=who.must_change_password, told=problem.detail, status=problem.status
-        )
+        return _password_form(request, who, told=problem.detail, status=problem.status)
     answer = RedirectResponse("/", status_code=303)
     await run_in_threadpool(_change, request, service, user, password_hash, answer)
     return answer

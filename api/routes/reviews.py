@@ -24,7 +24,8 @@ router = APIRouter(prefix="/v1", tags=["reviews"])
 IfMatch = Annotated[str | None, Header(description='the version you saw: the ETag of the review, such as "3"')]
 
 
-def _version(if_match: str | None) -> int | None:
+def version_of(if_match: str | None) -> int | None:
+    """The version that the caller saw, if it says so. Raises `BadRequestError`."""
     if if_match is None or if_match.strip() == "*":
         return None
     found = re.fullmatch(r'\s*(?:W/)?"?(\d{1,9})"?\s*', if_match)
@@ -58,7 +59,7 @@ async def add_review(
     if_match: IfMatch = None,
 ) -> Response:
     """Entries are only ever appended. With `If-Match` an entry is refused (412) when somebody else was first."""
-    expected = _version(if_match)
+    expected = version_of(if_match)
     once = Once(service, who, request, hashlib.sha256(given.model_dump_json().encode()).hexdigest())
     if (before := await once.begin()) is not None:
         return before

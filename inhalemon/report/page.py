@@ -42,7 +42,7 @@ def session_page(report: Report, panels: Sequence[Panel] = ()) -> str:
     start_s, end_s = _extent(report, panels)
     places = {
         "policy": escape(content_security_policy()),
-        "style": _template("page.css"),
+        "style": _template("palette.css") + _template("page.css"),
         "script": script,
         "title": escape(report.session_id),
         "device": escape(_DEVICES[report.device]),

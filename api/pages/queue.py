@@ -1,0 +1,37 @@
+"""What to review next."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter, Request, Response
+
+from api.access import Reviewer, ServiceDep
+from api.models import QueueItem
+from api.pages.titles import rule_titles
+from api.rendering import render
+from api.routes import reviews
+from api.routes.common import ClinicQuery, SessionId
+
+router = APIRouter(tags=["pages"], include_in_schema=False)
+_SHOWN = 50
+
+
+@router.get("/queue")
+def queue_page(request: Request, service: ServiceDep, who: Reviewer, clinic: ClinicQuery = None) -> Response:
+    found = reviews.get_queue(service, who, clinic, _SHOWN)
+    content = {"items": found.items, "clinic": clinic, "titles": rule_titles(service), "limit": _SHOWN}
+    return render(request, "queue.html", content, who=who)
+
+
+@router.post("/queue/next")
+def take_next(request: Request, service: ServiceDep, who: Reviewer, after: str | None = None) -> Response:
+    """Take the next session and go there; where nothing is left, the empty queue says so."""
+    taken = reviews.take_next(service, who, None, after)
+    target = f"/sessions/{taken.session.id}" if isinstance(taken, QueueItem) else "/queue"
+    return Response(status_code=204, headers={"HX-Redirect": target})
+
+
+@router.post("/queue/{session_id}/take")
+def take(service: ServiceDep, who: Reviewer, session_id: SessionId) -> Response:
+    """Hold one session of the queue, and go there."""
+    reviews.hold(service, who, session_id)
+    return Response(status_code=204, headers={"HX-Redirect": f"/sessions/{session_id}"})

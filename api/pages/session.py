@@ -1,0 +1,221 @@
+"""One session: its curves, its findings, and the review beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+import orjson
+from fastapi import APIRouter, Form, Request, Response
+from pydantic import ValidationError
+from starlette.concurrency import run_in_threadpool
+
+from api import reviewing
+from api.access import Administrator, Corrector, Reader, Reviewer, ServiceDep
+from api.models import PatientCorrection, ReviewHistory, ReviewIn
+from api.pages import findings
+from api.pages.titles import rule_titles, rules_of
+from api.principal import Principal, Scope
+from api.problems import ChangedMeanwhileError, InvalidError
+from api.rendering import render, words_for
+from api.routes import reviews as review_routes
+from api.routes import sessions as session_routes
+from api.routes.common import SessionId
+from api.routes.reviews import IfMatch, version_of
+from api.scoring import Scorer
+from api.service import Service
+from api.store import reviews, sessions
+from api.store.reviews import ReviewKind
+from api.store.sessions import State
+from api.words import Words
+from inhalemon.measures import MEASURES, unit_of
+from inhalemon.values import Verdict
+
+router = APIRouter(prefix="/sessions", tags=["pages"], include_in_schema=False)
+
+ShortText = Annotated[str | None, Form(max_length=2000)]
+
+
+@router.get("/{session_id}")
+def session_page(request: Request, service: ServiceDep, who: Reader, session_id: SessionId) -> Response:
+    detail = _detail(service, who, session_id)
+    words = words_for(request)
+    report = detail["report"]
+    content: dict[str, Any] = {
+        "session": detail,
+        "report": report,
+        "holder": _holder(service, who, session_id),
+    }
+    if report is not None:
+        content |= _review(request, service, who, session_id, report)
+        content["drawn"] = _drawn(session_id, report, words)
+        content["measures"] = _measures(report, words)
+    return render(request, "session.html", content, who=who)
+
+
+@router.get("/{session_id}/state")
+def wait(service: ServiceDep, who: Reader, session_id: SessionId) -> Response:
+    """Nothing while a session waits to be scored; then the page is loaded again."""
+    with service.store.read() as connection:
+        is_waiting = sessions.find(connection, who.clinic_ids, session_id).state == State.UNSCORED
+    return Response(status_code=204, headers={} if is_waiting else {"HX-Refresh": "true"})
+
+
+@router.get("/{session_id}/review")
+def review_part(request: Request, service: ServiceDep, who: Reader, session_id: SessionId) -> Response:
+    """The review as it stands now."""
+    report = _detail(service, who, session_id)["report"]
+    return render(request, "_review.html", _review(request, service, who, session_id, report), who=who)
+
+
+@router.post("/{session_id}/review")
+def add_entry(
+    request: Request,
+    service: ServiceDep,
+    who: Reviewer,
+    session_id: SessionId,
+    kind: Annotated[ReviewKind, Form()],
+    rule: Annotated[str | None, Form(max_length=64)] = None,
+    verdict: Annotated[str | None, Form(max_length=20)] = None,
+    reason: ShortText = None,
+    undoes: Annotated[str | None, Form(max_length=40)] = None,
+    if_match: IfMatch = None,
+) -> Response:
+    """Append an entry and answer with the review; when somebody was first, with who that was."""
+    try:
+        given = ReviewIn.model_validate(
+            {"kind": kind, "rule": rule, "verdict": verdict, "reason": reason or None, "undoes": undoes}
+        )
+    except ValidationError as error:
+        raise InvalidError("; ".join(each["msg"] for each in error.errors())) from error
+    expected = version_of(if_match)
+    try:
+        reviewing.append(service, who, session_id, given, expected)
+        if kind != ReviewKind.SIGN_OFF:
+            _hold(service, who, session_id)
+    except ChangedMeanwhileError:
+        history = review_routes.get_reviews(service, who, session_id, Response())
+        new = [entry for entry in history.entries if entry.version > (expected or 0)]
+        content = {"new": new, "given": given, "session_id": session_id, "titles": rule_titles(service)}
+        headers = {"HX-Retarget": "#conflict", "HX-Reswap": "innerHTML"}
+        return render(request, "_conflict.html", content, who=who, status=412, headers=headers)
+    report = _detail(service, who, session_id)["report"]
+    return render(request, "_review.html", _review(request, service, who, session_id, report), who=who)
+
+
+@router.post("/{session_id}/patient")
+def correct_patient(
+    request: Request,
+    service: ServiceDep,
+    who: Corrector,
+    session_id: SessionId,
+    patient_ref: Annotated[str, Form(max_length=64)] = "",
+) -> Response:
+    session_routes.correct_session(service, who, session_id, PatientCorrection(patient_ref=patient_ref or None))
+    return _reload()
+
+
+@router.post("/{session_id}/score")
+async def score_again(request: Request, service: ServiceDep, who: Corrector, session_id: SessionId) -> Response:
+    session = await run_in_threadpool(session_routes.seen, service, who, session_id, "session.scored_again")
+    scorer: Scorer = request.app.state.scorer
+    await scorer.score(session, who.actor)
+    return _reload()
+
+
+@router.post("/{session_id}/erase")
+def erase(service: ServiceDep, who: Administrator, session_id: SessionId) -> Response:
+    session_routes.erase_session(service, who, session_id)
+    return Response(status_code=204, headers={"HX-Redirect": "/sessions"})
+
+
+def _reload() -> Response:
+    return Response(status_code=204, headers={"HX-Refresh": "true"})
+
+
+# ------------------------------------------------------------------------------------------ what the page shows
+
+
+def _detail(service: Service, who: Principal, session_id: str) -> dict[str, Any]:
+    found: dict[str, Any] = orjson.loads(session_routes.get_session(service, who, session_id).body)
+    return found
+
+
+def _holder(service: Service, who: Principal, session_id: str) -> str | None:
+    """Who else holds this session for a review at present."""
+    with service.store.read() as connection:
+        lease = reviews.leases_of(connection, [session_id]).get(session_id)
+    return None if lease is None or lease.reviewer_id == who.id else lease.reviewer
+
+
+def _hold(service: Service, who: Principal, session_id: str) -> None:
+    """Whoever writes an entry goes on holding the session, unless somebody else has it."""
+    with service.store.write() as connection:
+        reviews.try_lease(connection, session_id, who.id, who.actor, service.settings.lease_minutes * 60)
+
+
+def _review(
+    request: Request, service: Service, who: Principal, session_id: str, report: Mapping[str, Any]
+) -> dict[str, Any]:
+    history: ReviewHistory = review_routes.get_reviews(service, who, session_id, Response())
+    words, titles = words_for(request), rule_titles(service)
+    groups = findings.grouped(report, history, words, titles, actor=who.actor)
+    missed = [rule for rule in rules_of(service, report["device"]) if _could_be_added(rule, report)]
+    return {
+        "session_id": session_id,
+        "groups": groups,
+        "history": history,
+        "signed_off": [entry for entry in findings.standing(history) if entry.kind == ReviewKind.SIGN_OFF],
+        "titles": titles,
+        "never_seen": findings.NEVER_SEEN,
+        "missed": missed,
+        "may_review": Scope.REVIEW in who.scopes,
+    }
+
+
+def _could_be_added(rule: str, report: Mapping[str, Any]) -> bool:
+    return all(finding["verdict"] != Verdict.FAIL for finding in report["findings"] if finding["rule"] == rule)
+
+
+def _drawn(session_id: str, report: Mapping[str, Any], words: Words) -> dict[str, Any]:
+    """What the script draws: phases and events with their names, and the words it needs."""
+    phases, events = report["phases"], report["events"]
+    times = [each[name] for each in (*phases, *events) for name in ("start_s", "end_s")]
+    return {
+        "url": f"/v1/sessions/{session_id}/series",
+        "start_s": min(times, default=0.0),
+        "end_s": max(times, default=report["duration_s"]),
+        "phases": [phase | {"name": words.name("phase", phase["kind"])} for phase in phases],
+        "events": [event | {"name": words.name("event", event["kind"])} for event in events],
+        "language": words.language,
+        "words": {
+            "tilt": words("Tilt from upright"),
+            "tilt_curve": words("tilt"),
+            "angle": words("Cover angle") if report["device"] == "ellipta" else words("Lever angle"),
+            "angle_curve": words("angle"),
+            "off_axis": words("off the axis"),
+            "rates": words("Rate of the body"),
+            "force": words("Specific force"),
+            "force_curve": words("amount"),
+            "hinge": words("x (hinge)"),
+            "failed": words("The curves could not be loaded."),
+            "to": words("to"),
+        },
+    }
+
+
+def _measures(report: Mapping[str, Any], words: Words) -> list[dict[str, str]]:
+    rows = []
+    for name, found in report["measures"].items():
+        unit = unit_of(name)
+        has_sd = found["value"] is not None and found["sd"] is not None
+        rows.append(
+            {
+                "name": name,
+                "meaning": words.name("measure", name, MEASURES.get(name)),
+                "value": words.quantity(found["value"], unit),
+                "sd": f"± {words.quantity(found['sd'], unit)}" if has_sd else "",
+                "why": words.reason(found.get("reason")) if found["value"] is None else "",
+            }
+        )
+    return rows

@@ -1,0 +1,109 @@
+"""What the pages say has a translation, and every translation is said somewhere."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from api import problems, rendering
+from api.pages import upload
+from api.principal import Role, Scope
+from api.store.reviews import ReviewKind
+from api.store.sessions import Order, State
+from api.words import Words, catalogue, preferred
+from inhalemon.measures import MEASURES
+from inhalemon.report.words import DISCLAIMER, INFERRED
+from inhalemon.rules import load_rules
+from inhalemon.values import DeviceKind, EventKind, Grade, PhaseKind, SensorName, Severity, Verdict
+
+API = Path(__file__).parents[1] / "api"
+RULES = load_rules("default").rules
+
+
+def _said() -> set[str]:
+    """English texts in templates and pages."""
+    texts = {DISCLAIMER, INFERRED, *(place.title for place in rendering._PLACES), *upload._SAID_BY_THE_SCRIPT.values()}
+    for path in (API / "templates").glob("*.html"):
+        text = path.read_text(encoding="utf-8")
+        texts |= set(re.findall(r"\bt\(\s*'([^']*)'", text))
+        for columns in re.findall(r"for column in \(([^)]*)\)", text):
+            texts |= set(re.findall(r"'([^']*)'", columns))
+    for path in [*(API / "pages").glob("*.py"), API / "words.py"]:
+        texts |= set(re.findall(r'\b(?:words|self)\(\s*"([^"]*)"', path.read_text(encoding="utf-8")))
+    return texts
+
+
+def test_every_text_of_the_pages_is_translated() -> None:
+    assert sorted(_said() - catalogue("ja")["texts"].keys()) == []
+
+
+def test_translations_keep_the_places_of_their_texts() -> None:
+    for text, translated in catalogue("ja")["texts"].items():
+        assert sorted(re.findall(r"\{\w+\}", text)) == sorted(re.findall(r"\{\w+\}", translated)), text
+
+
+def test_every_translation_is_said_somewhere() -> None:
+    sources = [path for folder in ("templates", "pages", "routes") for path in (API / folder).glob("*.*")]
+    everything = "\n".join(path.read_text(encoding="utf-8") for path in [*sources, *API.glob("*.py")])
+    known = _said() | {text for text in catalogue("ja")["texts"] if text in everything}
+    assert sorted(catalogue("ja")["texts"].keys() - known) == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "names"),
+    [
+        ("device", DeviceKind),
+        ("grade", Grade),
+        ("severity", Severity),
+        ("verdict", Verdict),
+        ("phase", PhaseKind),
+        ("event", EventKind),
+        ("sensor", SensorName),
+        ("role", Role),
+        ("scope", Scope),
+        ("kind", ReviewKind),
+        ("order", Order),
+        ("state", State),
+        ("measure", MEASURES),
+        ("rule", [rule.id for rule in RULES]),
+    ],
+)
+def test_every_name_has_a_japanese_one(kind: str, names: list[str]) -> None:
+    assert [str(name) for name in names if str(name) not in Words("ja").names(kind)] == []
+
+
+def test_every_problem_has_a_japanese_title() -> None:
+    def kinds(error: type[problems.ProblemError]) -> set[str]:
+        return {error.kind}.union(*(kinds(each) for each in error.__subclasses__()))
+
+    assert sorted(kinds(problems.ProblemError) - Words("ja").names("problem").keys()) == []
+
+
+def test_every_verdict_of_every_rule_can_be_told_in_japanese() -> None:
+    for rule in RULES:
+        verdicts = (Verdict.NOT_ASSESSABLE,) if rule.never_decided else tuple(Verdict)
+        for verdict in verdicts:
+            told = Words("ja").told(
+                rule.id, verdict, value=1.25, limit=2.0, unit=rule.unit, reason="not_observable", message="English"
+            )
+            assert re.search(r"[ぁ-ん]", told), (rule.id, verdict)
+
+
+@pytest.mark.parametrize(
+    ("cookie", "accepted", "language"),
+    [
+        (None, "", "en"),
+        (None, "ja", "ja"),
+        (None, "ja-JP,en;q=0.9", "ja"),
+        (None, "de,en;q=0.8,ja;q=0.7", "en"),
+        (None, "fr, ja;q=0.1", "ja"),
+        (None, "ja;q=0, *", "en"),
+        (None, ";;q=x,ja;q=oops", "en"),
+        ("ja", "en", "ja"),
+        ("xx", "ja", "ja"),
+    ],
+)
+def test_language_is_the_chosen_one_or_the_first_accepted(cookie: str | None, accepted: str, language: str) -> None:
+    assert preferred(cookie, accepted) == language
