@@ -599,7 +599,8 @@ class AttitudeFilter:
         """Takes all samples, causally.
 
         `out_var` is the variance of tilt per axis, `out_r` that of the velocity, and `out_y` (n, 3), for
-        `centred_r`, the velocity found and the filter's own variance of it, where there was a correction.
+        `centred_r`, the velocity found and the filter's own variance of it, where there was a correction; without rows it
+        is left out.
         """
         dt = 0.0
         for n in range(len(time_s)):
@@ -624,6 +625,8 @@ class AttitudeFilter:
             out_b[n, i] = self.b[i]
         out_var[n] = 0.5 * (self.p[0] + self.p[9])
         out_r[n] = self.r
+        if len(out_y) == 0:
+            return
         out_y[n, 2] = -1.0
         if self.event == 1:
             out_y[n, 0] = self.v[0] + self.d[2]

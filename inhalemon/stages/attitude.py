@@ -93,11 +93,11 @@ class _Estimate:
     bias: FloatArray  # (n, 3)
     tilt_var: FloatArray  # (n,)
     r: FloatArray  # (n,)
-    innovation: FloatArray  # (n, 3)
+    innovation: FloatArray  # (n, 3), or (0, 3) when nobody smooths
 
     @classmethod
-    def empty(cls, n: int) -> _Estimate:
-        return cls(np.empty((n, 4)), np.empty((n, 3)), np.empty(n), np.empty(n), np.empty((n, 3)))
+    def empty(cls, n: int, *, n_innovations: int = 0) -> _Estimate:
+        return cls(np.empty((n, 4)), np.empty((n, 3)), np.empty(n), np.empty(n), np.empty((n_innovations, 3)))
 
     @property
     def views(self) -> tuple[memoryview[float], ...]:
@@ -105,7 +105,7 @@ class _Estimate:
 
 
 def _akf(track: ImuTrack, settings: AttitudeSettings) -> AttitudeTrack:
-    out = _Estimate.empty(track.n_samples)
+    out = _Estimate.empty(track.n_samples, n_innovations=track.n_samples if settings.smooth else 0)
     samples = (_view(track.time_s), _view(track.gyr_rad_s), _view(track.acc_m_s2), _sample_flags(track).data)
     _new_filter(settings).run(*samples, *out.views)
     if settings.smooth:
