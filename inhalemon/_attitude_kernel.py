@@ -599,8 +599,8 @@ class AttitudeFilter:
         """Takes all samples, causally.
 
         `out_var` is the variance of tilt per axis, `out_r` that of the velocity, and `out_y` (n, 3), for
-        `centred_r`, the velocity found and the filter's own variance of it, where there was a correction; without rows it
-        is left out.
+        `centred_r`, the velocity found and the filter's own variance of it, where there was a correction; without
+        rows it is left out.
         """
         dt = 0.0
         for n in range(len(time_s)):
