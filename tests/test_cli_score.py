@@ -248,12 +248,13 @@ def test_reports_of_other_settings_are_not_mixed_into_one_file(three, tmp_path, 
     assert "other settings" in " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.parametrize("content", ['{"format": "diary"}\n', '{"format": "diary"}', "a,b\n1,2\n3", "[1, 2]\n"])
 @pytest.mark.parametrize("form", ["jsonl", "csv", "json"])
-def test_a_file_that_is_something_else_is_left_alone(three, tmp_path, form):
+def test_a_file_that_is_something_else_is_left_alone(three, tmp_path, form, content):
     out = tmp_path / f"precious.{form}"
-    out.write_text('{"format": "diary"}\n')
+    out.write_text(content)
     assert run(["score", str(three), "--out", str(out)]) == 2
-    assert out.read_text() == '{"format": "diary"}\n'
+    assert out.read_text() == content
 
 
 def test_scoring_one_file_cold_stays_near_one_and_a_half_seconds(three):

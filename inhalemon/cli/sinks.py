@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 Key = tuple[str, str]  # ("session", id) of a report, ("file", name) of a recording that could not be used
 Versions = tuple[str, str, str]  # of the pipeline, the settings and the rules
 
+_JSON_START: Final = b'{"format":"inhalemon-'
+_CSV_START: Final = b"session_id,"
 _BY_SUFFIX: Final[dict[str, Form]] = {".json": "json", ".jsonl": "jsonl", ".csv": "csv"}
 
 
@@ -47,11 +49,14 @@ def sink_of(form: Form, out: Path | None, versions: Versions, *, is_single: bool
     """
     if form == "jsonl":
         lines = _Lines(out)
+        _refuse_foreign_half(lines.half, _JSON_START, out)
         kept = [document for line in lines.found for document in _documents(line, out)]
         _refuse_others(kept, versions, out)
         return JsonLines(lines), [_key(document) for document in kept]
     if form == "csv":
         lines = _Lines(out)
+        if not lines.found:
+            _refuse_foreign_half(lines.half, _CSV_START, out)
         return Csv(lines), _csv_keys(lines.found, out)
     if form == "json":
         kept = _documents(out.read_bytes(), out) if out is not None and out.exists() else []
@@ -61,25 +66,29 @@ def sink_of(form: Form, out: Path | None, versions: Versions, *, is_single: bool
 
 
 class _Lines:
-    """Whole lines, added one at a time to standard output or to a file; half a line left by a kill is dropped."""
+    """Lines added one at a time to standard output or to a file; half a line left by a kill goes when one is added."""
 
     def __init__(self, out: Path | None) -> None:
         self.found: list[bytes] = []
+        self.half = b""
         self._handle: int | None = None
         if out is None:
             return
         self._handle = os.open(out, os.O_RDWR | os.O_CREAT, 0o666)
         with open(self._handle, "rb", closefd=False) as file:
-            lines = file.readlines()
-        self.found = [line for line in lines if line.endswith(b"\n")]
-        os.ftruncate(self._handle, sum(map(len, self.found)))
-        os.lseek(self._handle, 0, os.SEEK_END)
+            self.found = file.readlines()
+        if self.found and not self.found[-1].endswith(b"\n"):
+            self.half = self.found.pop()
+        os.lseek(self._handle, sum(map(len, self.found)), os.SEEK_SET)
 
     def append(self, line: bytes) -> None:
         if self._handle is None:
             sys.stdout.buffer.write(line)
             sys.stdout.buffer.flush()
             return
+        if self.half:
+            os.ftruncate(self._handle, os.lseek(self._handle, 0, os.SEEK_CUR))
+            self.half = b""
         while line:
             line = line[os.write(self._handle, line) :]
 
@@ -168,7 +177,10 @@ def _documents(text: bytes, out: Path | None) -> list[Document]:
         parsed = orjson.loads(text)
     except orjson.JSONDecodeError as error:
         raise _cannot_go_on(out, f"is no JSON ({error})") from error
-    return parsed if isinstance(parsed, list) else [parsed]
+    documents = parsed if isinstance(parsed, list) else [parsed]
+    if not all(isinstance(document, dict) for document in documents):
+        raise _cannot_go_on(out, "holds something else than reports")
+    return documents
 
 
 def _key(document: Document) -> Key:
@@ -196,6 +208,12 @@ def _refuse_others(kept: list[Document], versions: Versions, out: Path | None) -
         names = ("pipeline_version", "settings_digest", "rules_digest")
         if document["format"] == REPORT_FORMAT and tuple(document[name] for name in names) != versions:
             raise _cannot_go_on(out, "holds reports by another version, other settings or other rules")
+
+
+def _refuse_foreign_half(half: bytes, start: bytes, out: Path | None) -> None:
+    """Half a line is only ours to drop when it begins as ours do."""
+    if not half.startswith(start[: len(half)]):
+        raise _cannot_go_on(out, "ends in something else than a report")
 
 
 def _cannot_go_on(out: Path | None, why: str) -> typer.BadParameter:
