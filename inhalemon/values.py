@@ -236,7 +236,7 @@ class Motion:
 
     def index(self, at_s: float) -> int:
         """The sample nearest to a time, within the grid."""
-        return int(np.clip(round((at_s - self.time_s[0]) * self.rate_hz), 0, self.time_s.size - 1))
+        return min(max(round((at_s - float(self.time_s[0])) * self.rate_hz), 0), self.time_s.size - 1)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from inhalemon.settings import PhaseSettings
 from inhalemon.stages.phases.holds import Path
 from inhalemon.values import BoolArray, FloatArray, IntArray, Motion, Shake
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 FEATURES = (
     "log angular rate energy",
@@ -45,9 +50,6 @@ def cut_windows(motion: Motion, path: Path, shakes: Sequence[Shake], settings: P
 
     Deterministic: the first centres are spread over the features by farthest points, so no random numbers are used.
     """
-    from sklearn import config_context  # noqa: PLC0415  a second to import: only when a session is scored
-    from sklearn.cluster import KMeans  # noqa: PLC0415
-
     size = max(round(settings.window_s * motion.rate_hz), 2)
     n = motion.time_s.size
     edges = np.append(np.arange(0, max(n - size // 2, 1), size), n)
@@ -55,18 +57,36 @@ def cut_windows(motion: Motion, path: Path, shakes: Sequence[Shake], settings: P
     sd = features.std(axis=0)
     standard = (features - features.mean(axis=0)) / np.where(sd > 1e-9, sd, 1.0)
     first = _farthest(standard, min(settings.n_clusters, standard.shape[0]))
-    with config_context(assume_finite=True, skip_parameter_validation=True):
-        fitted = KMeans(n_clusters=first.size, init=standard[first], n_init=1, max_iter=50).fit(standard)
-    cluster = fitted.labels_.astype(np.int64)
-    speed = window_mean(path.speed, edges)
-    is_shaken = _shaken(motion, shakes)
+    cluster = _clusters(standard, standard[first])
+    is_slow = window_mean(path.speed, edges) < settings.still_speed
+    is_shaken = window_mean(_shaken(motion, shakes), edges)
     stillness, shaking = np.empty(cluster.size), np.empty(cluster.size)
     for k in range(first.size):
         members = cluster == k
         if members.any():
-            stillness[members] = float(np.mean(speed[members] < settings.still_speed))
-            shaking[members] = float(np.mean(window_mean(is_shaken, edges)[members]))
+            stillness[members] = float(np.mean(is_slow[members]))
+            shaking[members] = float(np.mean(is_shaken[members]))
     return Windows(edges, standard, cluster, stillness, shaking)
+
+
+def _clusters(points: FloatArray, centres: FloatArray) -> IntArray:
+    """The cluster (m,) of each point, by Lloyd's k-means from the given centres."""
+    from sklearn import config_context  # noqa: PLC0415  a second to import: only when a session is scored
+    from sklearn.cluster import KMeans  # noqa: PLC0415
+
+    # On a few hundred points a second thread only waits: 50 ms and more where cores are shared, 1 ms alone.
+    with config_context(assume_finite=True, skip_parameter_validation=True), _thread_pools().limit(limits=1):
+        fitted = KMeans(n_clusters=centres.shape[0], init=centres, n_init=1, max_iter=50).fit(points)
+    clusters: IntArray = fitted.labels_.astype(np.int64)
+    return clusters
+
+
+@functools.cache
+def _thread_pools() -> ThreadpoolController:
+    """The thread pools of the libraries loaded by now; finding them costs more than the clustering."""
+    from threadpoolctl import ThreadpoolController  # noqa: PLC0415  comes with scikit-learn, not wanted before it
+
+    return ThreadpoolController()
 
 
 def _features(motion: Motion, path: Path, shakes: Sequence[Shake], edges: IntArray) -> FloatArray:
