@@ -161,8 +161,8 @@ class LeverSettings:
     smooth: bool = True
     # The heading between the two rooms: a Kalman filter on blocks.
     block_s: float = 0.2
-    sd_hinge_rad: float = math.radians(1.0)  # of the hinge's direction between the attitudes, until the data tell
-    sd_hinge_s: float = 1.0  # how much data that is worth
+    sd_hinge_rad: float = math.radians(0.5)  # of the hinge's direction between the attitudes, until the data tell
+    sd_hinge_s: float = 0.6  # how much data that is worth
     scatter_window_s: float = 3.0  # the data that tell
     scatter_memory_s: float = 0.6  # such errors last: measured on real hinges, 0.3-0.6 s
     sd_shut_first_rad: float = math.radians(30.0)  # of a device that is usually shut at first
