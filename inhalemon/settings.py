@@ -221,7 +221,7 @@ class EventSettings:
     max_held_s: float = 3.0  # before the recording's end, without coming back
     min_held_s: float = 0.3  # of a press while shaking
     gap_blur_rad_s: float = math.radians(20.0)  # of a gap in the samples, that may show in the angle
-    turn_blur: float = 0.1  # of a turn of the whole device, that may show in the angle
+    turn_blur: float = 0.05  # of a turn of the whole device, that may show in the angle
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,7 +232,7 @@ class PhaseSettings:
     n_clusters: int = 8
     # Holding still.
     still_speed: float = 0.7  # clear movements a second: 7 deg/s, 3.5 cm/s
-    min_hold_s: float = 0.15
+    min_hold_s: float = 0.08
     max_disturbance_s: float = 0.8  # a press shakes the hand for less
     same_place: float = 0.4  # of a clear movement
     clear_turn_rad: float = math.radians(10.0)
@@ -249,6 +249,7 @@ class PhaseSettings:
     min_stay_s: float = 0.3
     mouth_way_m: float = 0.12  # the way to the mouth is longer, for a child too
     lowered_m: float = 0.03
+    min_lift_m: float = 0.06  # of a stay without a tilt
     leaving_s: float = 8.0  # a breath may be held with the device at the mouth
     pause_speed: float = 0.3  # clear movements a second
     min_likeness: float = 0.55

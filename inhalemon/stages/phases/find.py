@@ -55,7 +55,7 @@ def gather_evidence(
 ) -> Evidence:
     """The clustered windows and the candidate steps, as costs of labels."""
     path = path_of(motion, settings)
-    holds = find_holds(motion, path, table_mask(motion, settings), settings)
+    holds = find_holds(motion, path, table_mask(motion, settings), shakes, settings)
     presses = [event for event in events if event.kind in (EventKind.PRESS, EventKind.PARTIAL_PRESS)]
     strokes = [(shake.start_s, shake.end_s) for shake in shakes]
     strokes += [(event.start_s, event.end_s) for event in events if event.kind in (EventKind.OPEN, EventKind.CLOSE)]

@@ -9,7 +9,7 @@ import numpy as np
 
 from inhalemon.settings import PhaseSettings
 from inhalemon.signals import close_gaps, drop_short, moving_mean, onset, runs
-from inhalemon.values import BoolArray, Event, FloatArray, Motion
+from inhalemon.values import BoolArray, Event, FloatArray, Motion, Shake
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,13 +78,17 @@ def table_mask(motion: Motion, settings: PhaseSettings) -> BoolArray:
     return drop_short(is_quiet, round(settings.min_table_s * motion.rate_hz))
 
 
-def find_holds(motion: Motion, path: Path, on_table: BoolArray, settings: PhaseSettings) -> list[Hold]:
+def find_holds(
+    motion: Motion, path: Path, on_table: BoolArray, shakes: Sequence[Shake], settings: PhaseSettings
+) -> list[Hold]:
     """The still stretches, from where the device arrives to where it leaves.
 
     A short disturbance after which the device is where it was (a press, a cough) does not end one.
     """
     rate = motion.rate_hz
     is_still = close_gaps((path.speed < settings.still_speed) & ~motion.is_gap, round(0.05 * rate))
+    for shake in shakes:  # a swing is slow where it turns
+        is_still[motion.index(shake.start_s) : motion.index(shake.end_s)] = False
     # Each hold as its still parts: several when something short disturbs it.
     groups: list[list[tuple[int, int]]] = []
     for start, end in runs(drop_short(is_still, round(settings.min_hold_s * rate))).tolist():
@@ -157,7 +161,7 @@ def find_stays(
         if hold.on_table or lasts_s < settings.min_stay_s:
             continue
         barrier = _prepared(motion, holds, k, strokes)
-        since = max((holds[k - 1].start + holds[k - 1].end) // 2 if k else 0, barrier)
+        since = max(holds[k - 1].end - round(0.1 * rate) if k else 0, barrier)
         before = min(max(hold.start - round(settings.max_tilt_back_s * rate), since), hold.start)
         rises = [_rise(signal, before, hold) for signal in (path.elevation_rad, path.turn_rad)]
         gain_rad, low, signal = max(rises, key=lambda rise: rise[0])
@@ -173,7 +177,11 @@ def find_stays(
         if is_tilted:
             gain = min(gain_rad / settings.usual_tilt_back_rad, 1.0)
             likeness = max(gain + there + back + is_pressed, 0.0) / 4.0
-        elif min(there, back) > 0.5 and lasts_s >= settings.min_untilted_stay_s:
+        elif (
+            min(there, back) > 0.5
+            and lasts_s >= settings.min_untilted_stay_s
+            and hold.height_m - earlier_m > settings.min_lift_m
+        ):
             likeness = 0.4 * (there + back)
         else:
             continue
