@@ -219,7 +219,8 @@ class EventSettings:
     max_pause_s: float = 0.06  # within one stroke
     min_release: float = 0.5  # of the stroke, that the lever comes back
     max_held_s: float = 3.0  # before the recording's end, without coming back
-    min_held_s: float = 0.3  # of a press while shaking
+    gap_margin_s: float = 0.1  # before and after a gap the angle is not believed
+    max_hesitation_s: float = 1.5  # of a cover on its way
     gap_blur_rad_s: float = math.radians(20.0)  # of a gap in the samples, that may show in the angle
     turn_blur: float = 0.05  # of a turn of the whole device, that may show in the angle
 
@@ -231,6 +232,8 @@ class PhaseSettings:
     window_s: float = 0.2
     n_clusters: int = 8
     # Holding still.
+    smooth_s: tuple[float, ...] = (0.1, 0.3, 0.6)  # as little as shows the hand still: it walks, or sits in a car
+    min_still_share: float = 0.25  # of the time in the hand
     still_speed: float = 0.7  # clear movements a second: 7 deg/s, 3.5 cm/s
     min_hold_s: float = 0.08
     max_disturbance_s: float = 0.8  # a press shakes the hand for less

@@ -28,10 +28,11 @@ def find_events(
     settings = settings or EventSettings()
     if device.rule_set is DeviceKind.HINGE:
         return ()
-    angle = moving_mean(motion.lever_rad, max(round(settings.smooth_s * motion.rate_hz), 1))
+    angle = _without_gaps(motion, settings)
+    angle = moving_mean(angle, max(round(settings.smooth_s * motion.rate_hz), 1))
     strokes = _strokes(motion, angle, _least_stroke(device, settings), settings)
     if device.rule_set is DeviceKind.ELLIPTA:
-        return tuple(_cover_event(motion, stroke) for stroke in strokes)
+        return tuple(_cover_event(motion, stroke) for stroke in _joined(motion, strokes, settings))
     return tuple(_presses(motion, strokes, shakes, device, settings))
 
 
@@ -94,6 +95,31 @@ def _turning_points(angle: FloatArray, least_rad: float) -> list[int]:
     return turns
 
 
+def _without_gaps(motion: Motion, settings: EventSettings) -> FloatArray:
+    """The angle with a straight line over each gap and the moments around it, when both attitudes were guessing."""
+    margin = round(settings.gap_margin_s * motion.rate_hz)
+    is_lost = moving_mean(motion.is_gap.astype(np.float64), 2 * margin + 1) > 1e-9
+    if not is_lost.any() or is_lost.all():
+        return motion.lever_rad
+    return np.interp(motion.time_s, motion.time_s[~is_lost], motion.lever_rad[~is_lost])
+
+
+def _joined(motion: Motion, strokes: Sequence[_Stroke], settings: EventSettings) -> list[_Stroke]:
+    """Strokes of a cover; one that hesitates on its way and goes on is one stroke."""
+    joined: list[_Stroke] = []
+    for stroke in strokes:
+        last = joined[-1] if joined else None
+        if (
+            last is not None
+            and (last.rise_rad > 0) == (stroke.rise_rad > 0)
+            and (stroke.begin - last.stop) * motion.step_s < settings.max_hesitation_s
+        ):
+            joined[-1] = _Stroke(last.begin, stroke.stop, last.from_rad, stroke.to_rad)
+        else:
+            joined.append(stroke)
+    return joined
+
+
 def _cover_event(motion: Motion, stroke: _Stroke) -> Event:
     kind = EventKind.OPEN if stroke.rise_rad > 0 else EventKind.CLOSE
     largest = float(np.max(motion.lever_rad[stroke.begin : stroke.stop + 1]))
@@ -132,12 +158,11 @@ def _presses(
             max(rise.begin - round(0.1 * motion.rate_hz), 0) : rise.stop + round(0.1 * motion.rate_hz)
         ]
         blur_rad += settings.gap_blur_rad_s * float(np.count_nonzero(nearby)) * motion.step_s
-        is_shaken = any(shake.start_s - 0.2 < motion.time_s[rise.begin] < shake.end_s + 0.2 for shake in shakes)
+        is_shaken = any(shake.start_s < motion.time_s[rise.begin] < shake.end_s - 0.1 for shake in shakes)
         if stroke_rad < device.partial_stroke_rad + blur_rad:
             continue
-        is_held = (release - rise.stop) * motion.step_s >= settings.min_held_s
-        if is_shaken and not (is_held and stroke_rad >= device.full_stroke_rad):
-            continue  # while shaking the angle itself trembles: only a full press that is held is believed
+        if is_shaken:
+            continue  # while shaking the angle itself trembles, and nobody presses
         events.append(
             Event(
                 kind=EventKind.PRESS if stroke_rad >= device.full_stroke_rad else EventKind.PARTIAL_PRESS,

@@ -95,6 +95,18 @@ class _Dose:
         return slice(first, max(self.motion.index(end_s), first + 1))
 
     @property
+    def main_press(self) -> Event | None:
+        """The press of the dose: the first full one after shaking; a weak try, or one before, only for want of it."""
+        prepared_s = self.shakes[0].start_s if self.shakes else self.span[0]
+        full = [press for press in self.presses if press.kind is EventKind.PRESS]
+        rivals = [
+            [press for press in kind if press.start_s >= since_s]
+            for kind in (full, self.presses)
+            for since_s in (prepared_s, self.span[0])
+        ]
+        return next((found[0] for found in rivals if found), None)
+
+    @property
     def no_onset(self) -> str:
         return "no_tilt_back_seen" if self.first(PhaseKind.TO_MOUTH) else "no_inhalation_seen"
 
@@ -156,7 +168,8 @@ def _order_violations(dose: _Dose) -> Measure:
     prepared = [shake.start_s for shake in dose.shakes]
     prepared += [stroke.start_s for stroke in dose.strokes if stroke.kind is EventKind.OPEN]
     count = sum(any(stay < later < inhaled_s for later in prepared) for stay in stays)
-    count += sum(any(press.start_s < shake.start_s for shake in dose.shakes) for press in dose.presses)
+    full = [press for press in dose.presses if press.kind is EventKind.PRESS]
+    count += sum(any(press.start_s < shake.start_s for shake in dose.shakes) for press in full)
     before = [stroke for stroke in dose.strokes if stroke.start_s < inhaled_s]
     if dose.inhale is not None and before and before[-1].kind is EventKind.CLOSE:
         count += 1
@@ -176,7 +189,8 @@ def _interval(dose: _Dose, earlier_s: float | None) -> dict[str, Measure]:
 def _shake(dose: _Dose) -> dict[str, Measure]:
     """Shaking before the press; without a press before the inhalation; without either in the whole dose."""
     s = dose.settings
-    until_s = dose.presses[0].start_s if dose.presses else dose.inhale.start_s if dose.inhale else dose.span[1]
+    press = dose.main_press
+    until_s = press.start_s if press else dose.inhale.start_s if dose.inhale else dose.span[1]
     before = [shake for shake in dose.shakes if shake.start_s < until_s]
     if not before:
         none = Measure(0.0, 0.0)
@@ -189,9 +203,9 @@ def _shake(dose: _Dose) -> dict[str, Measure]:
     strokes = sum(shake.stroke_end_s.size for shake in before)
     duration_s = sum(shake.end_s - shake.start_s for shake in before)
     to_press = Measure(None, reason="no_press")
-    if dose.presses:
+    if press:
         sd = math.hypot(s.sd_shake_s, s.sd_press_s)
-        to_press = Measure(dose.presses[0].start_s - end_s, sd, None, end_s, dose.presses[0].start_s)
+        to_press = Measure(press.start_s - end_s, sd, None, end_s, press.start_s)
     return {
         "shake_duration_s": Measure(duration_s, s.sd_shake_s, None, start_s, end_s),
         "shake_cycles": Measure(strokes / 2.0, 0.0, None, start_s, end_s),
@@ -207,11 +221,11 @@ def _press(dose: _Dose) -> dict[str, Measure]:
         "press_count": Measure(float(len(full)), 0.0, None, *where),
         "partial_press_count": Measure(float(len(presses) - len(full)), 0.0, None, *where),
     }
-    if not presses:
+    first = dose.main_press
+    if first is None:
         names = ("press_angle_deg", "tilt_at_press_deg", "coordination_s", "press_after_mouth_s")
         return measures | dict.fromkeys(names, Measure(None, reason="no_press"))
     largest = max(presses, key=lambda press: press.angle_deg)
-    first = presses[0]
     near = dose.samples(largest.peak_s - 0.05, largest.peak_s + 0.05)
     measures["press_angle_deg"] = Measure(largest.angle_deg, s.sd_press_angle_deg, None, largest.start_s, largest.end_s)
     measures["tilt_at_press_deg"] = Measure(

@@ -54,8 +54,9 @@ def gather_evidence(
     motion: Motion, shakes: Sequence[Shake], events: Sequence[Event], device: Device, settings: PhaseSettings
 ) -> Evidence:
     """The clustered windows and the candidate steps, as costs of labels."""
-    path = path_of(motion, settings)
-    holds = find_holds(motion, path, table_mask(motion, settings), shakes, settings)
+    on_table = table_mask(motion, settings)
+    path = path_of(motion, on_table, settings)
+    holds = find_holds(motion, path, on_table, shakes, settings)
     presses = [event for event in events if event.kind in (EventKind.PRESS, EventKind.PARTIAL_PRESS)]
     strokes = [(shake.start_s, shake.end_s) for shake in shakes]
     strokes += [(event.start_s, event.end_s) for event in events if event.kind in (EventKind.OPEN, EventKind.CLOSE)]

@@ -49,9 +49,23 @@ class Stay:
     height_m: float
 
 
-def path_of(motion: Motion, settings: PhaseSettings) -> Path:
+def path_of(motion: Motion, on_table: BoolArray, settings: PhaseSettings) -> Path:
+    """The path, smoothed as little as lets the hand be still for a fair share of the time.
+
+    A step or a road shakes a hand at 1-2 Hz that holds still all the same.
+    """
+    in_hand = ~on_table
+    path = _smoothed(motion, settings.smooth_s[0], settings)
+    for smooth_s in settings.smooth_s[1:]:
+        if not in_hand.any() or np.mean(path.speed[in_hand] < settings.still_speed) >= settings.min_still_share:
+            break
+        path = _smoothed(motion, smooth_s, settings)
+    return path
+
+
+def _smoothed(motion: Motion, smooth_s: float, settings: PhaseSettings) -> Path:
     step = motion.step_s
-    width = max(round(0.1 * motion.rate_hz), 1)
+    width = max(round(smooth_s * motion.rate_hz), 1)
     turned = moving_mean(np.cumsum(motion.gyr_rad_s, axis=0) * step, width)
     place = moving_mean(np.cumsum(motion.velocity_ref_m_s, axis=0) * step, width)
     pose = np.concatenate([turned / settings.clear_turn_rad, place / settings.clear_move_m], axis=1)
@@ -188,7 +202,7 @@ def find_stays(
         hold_end, after_end = _afterwards(motion, path, holds, k, strokes, settings)
         found.append(
             Stay(
-                pause=_pause_before(path, holds, k, barrier, settings),
+                pause=_pause_before(motion, path, holds, k, barrier, settings),
                 onset=onset(signal, low, hold.start) if is_tilted else hold.start,
                 end=hold.end,
                 hold_end=hold_end,
@@ -222,7 +236,9 @@ def _rise(signal: FloatArray, before: int, hold: Hold) -> tuple[float, int, Floa
     return float(np.median(signal[hold.start : hold.end])) - float(signal[low]), low, signal
 
 
-def _pause_before(path: Path, holds: Sequence[Hold], k: int, barrier: int, settings: PhaseSettings) -> tuple[int, int]:
+def _pause_before(
+    motion: Motion, path: Path, holds: Sequence[Hold], k: int, barrier: int, settings: PhaseSettings
+) -> tuple[int, int]:
     """The last hold in the hand before the device is carried to the hold `k`; a dwell at the mouth itself is none.
 
     Without one, where the way to the mouth begins, twice.
@@ -231,6 +247,8 @@ def _pause_before(path: Path, holds: Sequence[Hold], k: int, barrier: int, setti
         if other.on_table or other.end <= barrier:
             break
         if _distance(path, other, holds[k]) > settings.away_m:
+            if np.median(motion.tilt_rad[other.start : other.end]) > np.pi / 2:
+                break  # upside down is no pause
             first = max(other.start, barrier)
             moving = np.flatnonzero(path.speed[first : other.end] > settings.pause_speed)
             # The hand comes to rest bit by bit: the pause begins where it really is still.
