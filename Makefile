@@ -13,15 +13,17 @@ SOURCES := pyproject.toml requirements.lock setup.py $(wildcard inhalemon/_*kern
 
 .PHONY: demo test check fuzz bench bench-api validate docs serve setup lock clean
 
+$(BIN)/python:
+	$(PYTHON) -m venv $(VENV)
+
 # The program alone is enough for the demo; tests and checks want the extras.
-$(VENV)/.program: $(SOURCES)
-	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+$(VENV)/.program: $(SOURCES) | $(BIN)/python
 	$(PIP) --editable .
 	touch $@
 
-$(VENV)/.everything: $(VENV)/.program
+$(VENV)/.everything: $(SOURCES) | $(BIN)/python
 	$(PIP) --editable '.[parquet,service,postgres,fhir,figures,test,check]'
-	touch $@
+	touch $(VENV)/.program $@
 
 setup: $(VENV)/.everything
 
