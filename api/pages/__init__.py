@@ -2,7 +2,7 @@
 
 from fastapi import APIRouter
 
-from api.pages import agreement, audit, home, patients, queue, session, sessions, settings, upload
+from api.pages import agreement, audit, home, patients, queue, reference, session, sessions, settings, upload
 
 ROUTERS: tuple[APIRouter, ...] = (
     home.router,
@@ -14,4 +14,5 @@ ROUTERS: tuple[APIRouter, ...] = (
     upload.router,
     settings.router,
     audit.router,
+    reference.router,
 )

@@ -295,7 +295,7 @@ def test_every_page_is_accessible_and_fits(
     found = _faults(visitor)
     visitor.log_in(f"boss-{clinic}")
     places = ("/queue", "/sessions", f"/sessions/{session}", "/patients/P-0007", "/agreement", "/upload", "/settings")
-    for place in (*places, "/audit", "/password", "/nowhere"):
+    for place in (*places, "/audit", "/password", "/docs", "/nowhere"):
         visitor.go(place)
         if place == f"/sessions/{session}":
             visitor.see_curves()

@@ -1,0 +1,122 @@
+"""Pages keep to the same access as the routes for programs: roles, clinics, the token of a form."""
+
+from __future__ import annotations
+
+import re
+
+import httpx
+import pytest
+
+from api import operations
+from api.principal import SCOPES, Role, Scope
+
+PASSWORD = "correct-horse-7"
+HTML = {"accept": "text/html"}
+NEEDS = {
+    "/queue": Scope.REVIEW,
+    "/sessions": Scope.READ,
+    "/agreement": Scope.READ,
+    "/upload": Scope.UPLOAD,
+    "/settings": Scope.ADMIN,
+    "/audit": Scope.ADMIN,
+}
+
+
+@pytest.fixture
+def log_in(server):
+    """Gives somebody's client, after the form was filled in as a browser does."""
+    opened = []
+
+    def enter(clinic, role: Role) -> httpx.Client:
+        name = f"{role}-{clinic.slug}"
+        operations.add_user(server.service, name, role, [clinic.slug], PASSWORD)
+        client = server.client(headers=HTML)
+        opened.append(client)
+        form = {"name": name, "password": PASSWORD, "csrf_token": _token(client.get("/login").text), "next": "/"}
+        assert client.post("/login", data=form).status_code == 303
+        return client
+
+    yield enter
+    for client in opened:
+        client.close()
+
+
+def _token(page: str) -> str:
+    found = re.search(r'name="csrf_token" value="(\w+)"', page)
+    assert found is not None
+    return found[1]
+
+
+@pytest.mark.parametrize("role", list(Role))
+def test_each_role_reaches_its_own_pages_and_no_others(clinic, log_in, role):
+    client = log_in(clinic, role)
+    for path, scope in NEEDS.items():
+        status = client.get(path).status_code
+        assert status == (200 if scope in SCOPES[role] else 403), (role, path)
+    shown = client.get("/upload" if Scope.UPLOAD in SCOPES[role] else "/queue").text
+    linked = {path for path in NEEDS if f'<a href="{path}"' in shown}
+    assert linked == {path for path, scope in NEEDS.items() if scope in SCOPES[role]}
+
+
+def test_visitor_is_led_to_the_login_and_back(server):
+    with server.client(headers=HTML) as visitor:
+        answer = visitor.get("/sessions")
+    assert (answer.status_code, answer.headers["location"]) == (303, "/login?next=/sessions")
+
+
+def test_page_of_another_clinics_session_is_not_found(clinic, other_clinic, upload, log_in):
+    session = upload(clinic)["id"]
+    client = log_in(other_clinic, Role.ADMINISTRATOR)
+    for path in (f"/sessions/{session}", f"/sessions/{session}/review", f"/sessions/{session}/state"):
+        answer = client.get(path)
+        assert answer.status_code == 404
+        assert "<html" in answer.text, "told as a page"
+    assert session not in client.get("/sessions").text
+
+
+def test_entry_without_the_token_of_the_login_is_refused(clinic, upload, log_in):
+    session = upload(clinic)["id"]
+    client = log_in(clinic, Role.CLINICIAN)
+    entry = {"kind": "sign_off"}
+    assert client.post(f"/sessions/{session}/review", data=entry).status_code == 403
+    token = client.get("/v1/me").json()["csrf_token"]
+    answer = client.post(f"/sessions/{session}/review", data=entry, headers={"x-csrf-token": token, "if-match": '"0"'})
+    assert answer.status_code == 200
+    assert "Signed off by" in answer.text
+    late = client.post(f"/sessions/{session}/review", data=entry, headers={"x-csrf-token": token, "if-match": '"0"'})
+    assert late.status_code == 412
+    assert late.headers["hx-retarget"] == "#conflict"
+
+
+def test_pages_escape_what_people_wrote(clinic, upload, log_in):
+    session = upload(clinic)["id"]
+    client = log_in(clinic, Role.CLINICIAN)
+    token = client.get("/v1/me").json()["csrf_token"]
+    entry = {"kind": "comment", "reason": "<script>alert(1)</script>"}
+    client.post(f"/sessions/{session}/review", data=entry, headers={"x-csrf-token": token})
+    shown = client.get(f"/sessions/{session}").text
+    assert "<script>alert" not in shown
+    assert "&lt;script&gt;alert(1)" in shown
+
+
+def test_language_is_kept_and_leads_nowhere_else(server):
+    with server.client(headers=HTML) as visitor:
+        answer = visitor.get("/language/ja", params={"next": "//elsewhere.example"})
+        assert answer.headers["location"] == "/"
+        assert 'lang="ja"' in visitor.get("/login").text
+        assert visitor.get("/language/tlh").status_code == 404
+
+
+def test_every_page_carries_the_strict_policy(server):
+    with server.client(headers=HTML) as visitor:
+        for path in ("/login", "/docs", "/nowhere", "/static/js/app.js", "/palette.css"):
+            policy = visitor.get(path).headers["content-security-policy"]
+            assert "script-src 'self';" in policy
+            assert "unsafe" not in policy
+
+
+def test_reference_names_every_route(server):
+    with server.client(headers=HTML) as visitor:
+        page = visitor.get("/docs").text
+        for path in visitor.get("/openapi.json").json()["paths"]:
+            assert f"</b> {path}</code>" in page
