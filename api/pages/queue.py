@@ -23,10 +23,16 @@ def queue_page(request: Request, service: ServiceDep, who: Reviewer, clinic: Cli
 
 
 @router.post("/queue/next")
-def take_next(request: Request, service: ServiceDep, who: Reviewer, after: str | None = None) -> Response:
+def take_next(service: ServiceDep, who: Reviewer, clinic: ClinicQuery = None, after: str | None = None) -> Response:
     """Take the next session and go there; where nothing is left, the empty queue says so."""
-    taken = reviews.take_next(service, who, None, after)
-    target = f"/sessions/{taken.session.id}" if isinstance(taken, QueueItem) else "/queue"
+    taken = reviews.take_next(service, who, clinic, after)
+    target = (
+        f"/sessions/{taken.session.id}"
+        if isinstance(taken, QueueItem)
+        else f"/queue?clinic={clinic}"
+        if clinic
+        else "/queue"
+    )
     return Response(status_code=204, headers={"HX-Redirect": target})
 
 

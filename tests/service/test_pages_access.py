@@ -27,9 +27,9 @@ def log_in(server):
     """Gives somebody's client, after the form was filled in as a browser does."""
     opened = []
 
-    def enter(clinic, role: Role) -> httpx.Client:
+    def enter(clinic, role: Role, *others) -> httpx.Client:
         name = f"{role}-{clinic.slug}"
-        operations.add_user(server.service, name, role, [clinic.slug], PASSWORD)
+        operations.add_user(server.service, name, role, [clinic.slug, *(each.slug for each in others)], PASSWORD)
         client = server.client(headers=HTML)
         opened.append(client)
         form = {"name": name, "password": PASSWORD, "csrf_token": _token(client.get("/login").text), "next": "/"}
@@ -120,3 +120,16 @@ def test_reference_names_every_route(server):
         page = visitor.get("/docs").text
         for path in visitor.get("/openapi.json").json()["paths"]:
             assert f"</b> {path}</code>" in page
+
+
+def test_pharmacist_of_two_clinics_reviews_them_together_or_apart(clinic, other_clinic, upload, log_in):
+    one, other = upload(clinic, seed=1)["id"], upload(other_clinic, seed=2)["id"]
+    client = log_in(clinic, Role.PHARMACIST, other_clinic)
+    both = client.get("/queue").text
+    assert f"/sessions/{one}" in both
+    assert f"/sessions/{other}" in both
+    apart = client.get("/queue", params={"clinic": other_clinic.slug}).text
+    assert f"/sessions/{one}" not in apart
+    token = client.get("/v1/me").json()["csrf_token"]
+    taken = client.post("/queue/next", params={"clinic": other_clinic.slug}, headers={"x-csrf-token": token})
+    assert taken.headers["hx-redirect"] == f"/sessions/{other}"

@@ -107,6 +107,7 @@
     if (marked) {
       const x = u.valToPos(marked.start_s, "x", true), to = u.valToPos(marked.end_s, "x", true);
       ctx.globalAlpha = 1;
+      ctx.setLineDash([]);
       ctx.lineWidth = 2 * devicePixelRatio;
       ctx.strokeStyle = palette.ink;
       ctx.strokeRect(x - 2, bbox.top + 1, Math.max(to - x, 2) + 4, bbox.height - 2);
@@ -204,7 +205,7 @@
     let row = 1;
     for (const curve of panel.curves) {
       const y = isOn ? u.data[row][idx] : null;
-      curve.output.textContent = y === null || y === undefined ? "" : `${y.toFixed(Math.abs(y) < 10 ? 2 : 1)} ${panel.unit}`;
+      curve.output.textContent = y === null || y === undefined ? "" : `${y.toFixed(Math.abs(y) < 10 ? 2 : 1)}${panel.unit === "°" ? "" : " "}${panel.unit}`;
       row += curve.sd ? 3 : 1;
     }
   }
