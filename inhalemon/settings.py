@@ -305,6 +305,7 @@ class MeasureSettings:
     sd_cover_angle_deg: float = 1.5
     sd_mount_rad: float = math.radians(1.5)  # of the sensor against the part, unknown to the filter
     left_mouth_m: float = 0.05
+    min_still_share: float = 0.2  # of the time in the hand: a hand that is stiller shows what it did not do
     max_gap_s: float = 0.5  # a longer gap within a measure's stretch leaves it without a value
     max_gap_share: float = 0.25  # of the stretch
 

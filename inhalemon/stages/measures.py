@@ -107,6 +107,18 @@ class _Dose:
         return next((found[0] for found in rivals if found), None)
 
     @property
+    def is_unsteady(self) -> bool:
+        """Whether the hand is hardly ever still: walking, or in a car. Then what is not seen may still have been."""
+        at_rest = [phase for phase in self.phases if phase.kind in (*_AT_REST, PhaseKind.SHAKE)]
+        in_hand = np.zeros(self.motion.time_s.size, dtype=bool)
+        in_hand[self.samples(*self.span)] = True
+        for phase in at_rest:
+            in_hand[self.samples(phase.start_s, phase.end_s)] = False
+        if not in_hand.any():
+            return False
+        return float(np.mean(self.motion.activity[in_hand] < 1.0)) < self.settings.min_still_share
+
+    @property
     def no_onset(self) -> str:
         return "no_tilt_back_seen" if self.first(PhaseKind.TO_MOUTH) else "no_inhalation_seen"
 
@@ -115,9 +127,11 @@ def _inhalation(dose: _Dose) -> dict[str, Measure]:
     s, inhale = dose.settings, dose.inhale
     to_mouth = dose.first(PhaseKind.TO_MOUTH)
     stays = sum(phase.kind is PhaseKind.INHALE for phase in dose.phases) or int(to_mouth is not None)
+    unsteady = Measure(None, reason="hand_never_still")
+    pause = _exhale_pause(dose)
     measures = {
-        "mouth_stays": Measure(float(stays), 0.0),
-        "exhale_pause_s": _exhale_pause(dose),
+        "mouth_stays": unsteady if dose.is_unsteady and not stays else Measure(float(stays), 0.0),
+        "exhale_pause_s": unsteady if dose.is_unsteady and not pause.value else pause,
         "order_violations": _order_violations(dose),
     }
     if inhale is None:

@@ -202,7 +202,7 @@ def find_stays(
         hold_end, after_end = _afterwards(motion, path, holds, k, strokes, settings)
         found.append(
             Stay(
-                pause=_pause_before(motion, path, holds, k, barrier, settings),
+                pause=_pause_before(motion, path, holds, k, barrier, min(settings.away_m, 0.5 * carried_in), settings),
                 onset=onset(signal, low, hold.start) if is_tilted else hold.start,
                 end=hold.end,
                 hold_end=hold_end,
@@ -237,7 +237,13 @@ def _rise(signal: FloatArray, before: int, hold: Hold) -> tuple[float, int, Floa
 
 
 def _pause_before(
-    motion: Motion, path: Path, holds: Sequence[Hold], k: int, barrier: int, settings: PhaseSettings
+    motion: Motion,
+    path: Path,
+    holds: Sequence[Hold],
+    k: int,
+    barrier: int,
+    away_m: float,
+    settings: PhaseSettings,
 ) -> tuple[int, int]:
     """The last hold in the hand before the device is carried to the hold `k`; a dwell at the mouth itself is none.
 
@@ -246,7 +252,7 @@ def _pause_before(
     for other in reversed(holds[:k]):
         if other.on_table or other.end <= barrier:
             break
-        if _distance(path, other, holds[k]) > settings.away_m:
+        if _distance(path, other, holds[k]) > away_m:
             if np.median(motion.tilt_rad[other.start : other.end]) > np.pi / 2:
                 break  # upside down is no pause
             first = max(other.start, barrier)
