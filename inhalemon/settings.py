@@ -255,6 +255,8 @@ class PhaseSettings:
     min_lift_m: float = 0.06  # of a stay without a tilt
     leaving_s: float = 8.0  # a breath may be held with the device at the mouth
     pause_speed: float = 0.3  # clear movements a second
+    settling_s: float = 0.6  # a hand settles within this
+    regrip: float = 0.6  # clear movements: less is a fidget
     min_likeness: float = 0.55
     min_untilted_stay_s: float = 0.7
     fidget: float = 1.0  # clear movements: less does not end a held breath

@@ -24,6 +24,8 @@ from inhalemon.values import (
 )
 
 _AT_REST = (PhaseKind.PUT_DOWN, PhaseKind.REST)
+# A recording that ends in one of these was cut: what comes after was not seen.
+_UNFINISHED = (PhaseKind.OPEN, PhaseKind.EXHALE, PhaseKind.TO_MOUTH, PhaseKind.INHALE, PhaseKind.BREATH_HOLD)
 _INVERTED_RAD = math.radians(90.0)
 
 
@@ -283,6 +285,7 @@ def _cover(dose: _Dose, device: Device) -> dict[str, Measure]:
     full_deg = math.degrees(device.full_stroke_rad)
     last_s = dose.span[1]
     final = motion.lever_rad[dose.samples(max(last_s - 0.5, dose.span[0]), last_s)]
+    is_cut = last_s >= motion.time_s[-1] - 0.1 and dose.phases[-1].kind in _UNFINISHED
     shown = (openings[0].start_s, openings[-1].end_s) if openings else (None, None)
     measures = {
         "cover_angle_max_deg": Measure(
@@ -291,9 +294,9 @@ def _cover(dose: _Dose, device: Device) -> dict[str, Measure]:
             None,
             *shown,
         ),
-        "cover_final_deg": Measure(
-            math.degrees(float(np.median(final))), s.sd_cover_angle_deg, None, last_s - 0.5, last_s
-        ),
+        "cover_final_deg": Measure(None, reason="recording_ended_before")
+        if is_cut
+        else Measure(math.degrees(float(np.median(final))), s.sd_cover_angle_deg, None, last_s - 0.5, last_s),
         "cover_openings": Measure(float(sum(o.angle_deg >= full_deg for o in openings)), 0.0, None, *shown),
     }
     names = ("shake_after_open_cycles", "tilt_after_open_max_deg", "inverted_after_open_s", "open_to_inhale_s")

@@ -249,17 +249,23 @@ def _pause_before(
 
     Without one, where the way to the mouth begins, twice.
     """
-    for other in reversed(holds[:k]):
+    for j in range(k - 1, -1, -1):
+        other = holds[j]
         if other.on_table or other.end <= barrier:
             break
-        if _distance(path, other, holds[k]) > away_m:
-            if np.median(motion.tilt_rad[other.start : other.end]) > np.pi / 2:
-                break  # upside down is no pause
-            first = max(other.start, barrier)
-            moving = np.flatnonzero(path.speed[first : other.end] > settings.pause_speed)
-            # The hand comes to rest bit by bit: the pause begins where it really is still.
-            early = moving[moving < (other.end - first) // 2]
-            return first + (int(early[-1]) + 1 if early.size else 0), other.end
+        if _distance(path, other, holds[k]) <= away_m:
+            continue
+        if np.median(motion.tilt_rad[other.start : other.end]) > np.pi / 2:
+            break  # upside down is no pause
+        # A fidget does not end a pause; a regrip does.
+        while j and not holds[j - 1].on_table and _pose_distance(path, holds[j - 1], holds[j]) < settings.regrip:
+            j -= 1  # noqa: PLW2901
+        first = max(holds[j].start, barrier)
+        speed = path.speed[first : other.end]
+        # The hand comes to rest bit by bit: the pause begins where it is as still as it gets.
+        moving = np.flatnonzero(speed > max(settings.pause_speed, 2.0 * float(np.median(speed))))
+        early = moving[moving < min((other.end - first) // 2, round(settings.settling_s * motion.rate_hz))]
+        return first + (int(early[-1]) + 1 if early.size else 0), other.end
     begin = max((other.end for other in holds[:k] if not other.on_table), default=barrier)
     begin = max(min(begin, holds[k].start), barrier)
     return begin, begin
