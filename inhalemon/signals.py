@@ -28,12 +28,16 @@ def resample_attitude(track: AttitudeTrack, time_s: FloatArray) -> AttitudeTrack
 def moving_mean(values: FloatArray, width: int) -> FloatArray:
     """Mean over a centred window of `width` samples; at the ends over what is there. Shape as given."""
     n = values.shape[0]
-    before, after = width // 2, width - width // 2
-    sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    before, after = min(width // 2, n), min(width - width // 2, n)
+    sums = np.zeros((n + 1, *values.shape[1:]))
+    np.cumsum(values, axis=0, out=sums[1:])
     start = np.maximum(np.arange(n) - before, 0)
-    end = np.minimum(np.arange(n) + after, n)
-    lengths = (end - start).reshape(-1, *[1] * (values.ndim - 1))
-    means: FloatArray = (sums[end] - sums[start]) / lengths
+    lengths = np.minimum(np.arange(n) + after, n) - start
+    means = np.empty(sums[1:].shape)
+    means[: n - after] = sums[after:n]
+    means[n - after :] = sums[n]
+    means[before:] -= sums[: n - before]
+    means /= lengths.reshape(-1, *[1] * (values.ndim - 1))
     return means
 
 

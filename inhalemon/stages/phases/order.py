@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -37,16 +38,13 @@ def transition_costs(steps: Sequence[PhaseKind]) -> FloatArray:
 
 def cheapest_path(costs: FloatArray, transitions: FloatArray) -> IntArray:
     """The label (m,) of each window on the path of least cost; `costs` is (m, labels). Viterbi (1967)."""
-    m = costs.shape[0]
-    back = np.zeros(costs.shape, dtype=np.int64)
-    total = costs[0].copy()
-    columns = np.arange(costs.shape[1])
-    for k in range(1, m):
-        through = total[:, None] + transitions
-        back[k] = np.argmin(through, axis=0)
-        total = through[back[k], columns] + costs[k]
-    path = np.empty(m, dtype=np.int64)
-    path[-1] = int(np.argmin(total))
-    for k in range(m - 1, 0, -1):
-        path[k - 1] = back[k, path[k]]
-    return path
+    to_from = np.ascontiguousarray(transitions.T)
+    totals = costs.copy()  # of the cheapest path to each label, window by window
+    for before, total in itertools.pairwise(totals):
+        total += (before + to_from).min(axis=1)  # noqa: PLW2901  a row of totals, in place
+    label = int(np.argmin(totals[-1]))
+    path = [label]
+    for total in totals[-2::-1]:
+        label = int((total + to_from[label]).argmin())
+        path.append(label)
+    return np.array(path[::-1], dtype=np.int64)
