@@ -118,11 +118,17 @@ def _shaken(motion: Motion, shakes: Sequence[Shake]) -> FloatArray:
 
 
 def _farthest(points: FloatArray, k: int) -> IntArray:
-    """Each next point is the one farthest from those taken: spread out, and the same every time."""
+    """At most `k` points, each next the one farthest from those taken: spread out, and the same every time.
+
+    Fewer where fewer differ.
+    """
     taken = [int(np.argmin(np.einsum("ij,ij->i", points, points)))]
     nearest = np.full(points.shape[0], np.inf)
     for _ in range(k - 1):
         apart = points - points[taken[-1]]
         nearest = np.minimum(nearest, np.einsum("ij,ij->i", apart, apart))
-        taken.append(int(np.argmax(nearest)))
+        farthest = int(np.argmax(nearest))
+        if nearest[farthest] == 0.0:
+            break
+        taken.append(farthest)
     return np.array(taken)

@@ -1,0 +1,146 @@
+"""Phases: what must hold of any session, and simulated truth."""
+
+from __future__ import annotations
+
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from motions import check_phases, cut, overlap, scored, still, without
+
+import inhalemon as im
+from inhalemon.devices import load_device
+from inhalemon.report import to_json
+from inhalemon.simulate import MISTAKES
+from inhalemon.stages.phases import find_phases
+from inhalemon.stages.phases.order import LABELS, cheapest_path, transition_costs
+from inhalemon.values import PhaseKind, Report
+from validation.second_generator import ATTACKS, second_session
+
+DEVICES = ("pmdi", "ellipta")
+PMDI = load_device("pmdi")
+
+
+def first(report: Report, kind: PhaseKind):
+    return next((phase for phase in report.phases if phase.kind is kind), None)
+
+
+# ------------------------------------------------------------------------------------------------ the cheapest path
+
+
+def _cost(path, costs, transitions) -> float:
+    steps = sum(transitions[a, b] for a, b in pairwise(path))
+    return float(steps + sum(costs[k, label] for k, label in enumerate(path)))
+
+
+@given(st.integers(0, 10_000), st.integers(1, 6))
+@settings(max_examples=40, deadline=None)
+def test_no_path_is_cheaper_than_the_cheapest(seed, m):
+    """Against every path there is, over three labels."""
+    rng = np.random.default_rng(seed)
+    costs, transitions = rng.uniform(0, 3, (m, 3)), rng.uniform(0, 2, (3, 3))
+    found = cheapest_path(costs, transitions)
+    least = min(_cost(path, costs, transitions) for path in product(range(3), repeat=m))
+    assert _cost(found.tolist(), costs, transitions) == pytest.approx(least)
+
+
+def test_leaving_the_order_of_the_steps_costs_more_than_keeping_it():
+    costs = transition_costs(PMDI.steps)
+    at = {kind: k for k, kind in enumerate(LABELS)}
+    onward = costs[at[PhaseKind.SHAKE], at[PhaseKind.EXHALE]]
+    assert onward < costs[at[PhaseKind.SHAKE], at[PhaseKind.INHALE]]  # a step left out
+    assert onward < costs[at[PhaseKind.EXHALE], at[PhaseKind.SHAKE]]  # a step back
+    assert not np.diag(costs).any()
+    # A breath is held only after it was drawn.
+    assert costs[at[PhaseKind.SHAKE], at[PhaseKind.BREATH_HOLD]] > 1e3
+
+
+# ----------------------------------------------------------------------------------------- what holds of any session
+
+
+@given(st.integers(0, 2**31), st.sampled_from(DEVICES), st.sampled_from(["typical", "harsh"]), st.data())
+@settings(max_examples=8, deadline=None, derandomize=True)
+def test_phases_cover_any_session_without_overlap(seed, device, profile, data):
+    mistake = data.draw(st.sampled_from([None, *MISTAKES[device]]))
+    recording, _ = im.simulate_session(device, [mistake] if mistake else [], seed=seed, profile=profile)
+    report = im.score_recording(recording)
+    check_phases(report)
+    assert to_json(im.score_recording(recording)) == to_json(report)  # to the bit
+
+
+@pytest.mark.parametrize("attack", ATTACKS)
+def test_phases_cover_the_second_generators_sessions(attack):
+    recording, _ = second_session(DEVICES[len(attack) % 2], seed=61, attack=attack)
+    check_phases(im.score_recording(recording))
+
+
+def test_a_device_that_never_moves_is_only_handled_or_at_rest():
+    """Nothing is inhaled, shaken or opened by a device that stands still; nor does k-means warn of equal windows."""
+    for device in DEVICES:
+        kinds = {phase.kind for phase in find_phases(still(20.0), (), (), load_device(device))}
+        assert kinds <= {PhaseKind.REST, PhaseKind.HANDLING}
+
+
+def test_a_plain_hinge_has_no_phases():
+    assert find_phases(still(20.0), (), (), load_device("hinge")) == ()
+
+
+# --------------------------------------------------------------------------------------------------- simulated truth
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 100.0, 200.0])
+@pytest.mark.parametrize("device", DEVICES)
+def test_the_inhalation_is_found_at_every_rate(device, rate_hz):
+    """Start within 100 ms, end within 150 ms: a tilt-back begins and ends below what a hand's sway hides."""
+    report, truth = scored(device, seed=62, rate_hz=rate_hz)
+    found, acted = first(report, PhaseKind.INHALE), first(truth, PhaseKind.INHALE)
+    assert found.start_s == pytest.approx(acted.start_s, abs=0.10)
+    assert found.end_s == pytest.approx(acted.end_s, abs=0.15)
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_most_of_every_step_is_found_with_clumsy_hands_and_poor_sensors(device):
+    found, acted = scored(device, seed=63, profile="harsh")
+    for kind in (PhaseKind.SHAKE, PhaseKind.OPEN, PhaseKind.INHALE, PhaseKind.BREATH_HOLD):
+        true = first(acted, kind)
+        if true is not None and true.end_s - true.start_s > 0.5:
+            assert overlap(first(found, kind), true) > 0.6, kind
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_a_session_that_stops_halfway_has_the_steps_it_shows(device):
+    """Cut in the middle of the inhalation: it has begun, and nothing is said of what would follow."""
+    recording, truth = im.simulate_session(device, seed=64)
+    inhale = first(truth, PhaseKind.INHALE)
+    report = im.score_recording(cut(recording, -1.0, (inhale.start_s + inhale.end_s) / 2))
+    check_phases(report)
+    assert first(report, PhaseKind.SHAKE if device == "pmdi" else PhaseKind.OPEN)
+    assert first(report, PhaseKind.BREATH_HOLD) is None
+    assert report.measures["breath_hold_s"].value is None
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_a_session_that_starts_in_the_hand_has_its_inhalation(device):
+    recording, truth = im.simulate_session(device, seed=65)
+    step = first(truth, PhaseKind.SHAKE if device == "pmdi" else PhaseKind.OPEN)
+    report = im.score_recording(cut(recording, step.start_s - 1.0, 1e9))
+    check_phases(report)
+    assert first(report, PhaseKind.INHALE).start_s == pytest.approx(first(truth, PhaseKind.INHALE).start_s, abs=0.15)
+
+
+def test_a_gap_in_the_handling_leaves_the_steps_where_they_are():
+    recording, truth = im.simulate_session("pmdi", seed=66)
+    end_s = first(truth, PhaseKind.BREATH_HOLD).end_s + 1.0
+    report = im.score_recording(without(recording, end_s, end_s + 0.4))
+    check_phases(report)
+    assert first(report, PhaseKind.INHALE).start_s == pytest.approx(first(truth, PhaseKind.INHALE).start_s, abs=0.10)
+    assert any(flag.code == "gap" for flag in report.quality.flags)
+
+
+def test_shaking_again_is_a_second_shake_of_the_same_dose():
+    report, _ = scored("pmdi", ("order_wrong",), seed=67)
+    check_phases(report)
+    assert len(report.doses) == 1
+    assert report.measures["order_violations"].value >= 1
