@@ -297,14 +297,15 @@ class MeasureSettings:
     """How sure the measures are: standard deviations of single boundaries and angles, found on simulated sessions."""
 
     sd_press_s: float = 0.015
-    sd_inhalation_start_s: float = 0.03
-    sd_inhalation_end_s: float = 0.03
-    sd_exhale_pause_s: float = 0.07
+    sd_inhalation_start_s: float = 0.02
+    sd_inhalation_end_s: float = 0.022
+    sd_exhale_pause_s: float = 0.09
     sd_breath_hold_s: float = 0.06
-    sd_shake_s: float = 0.05
+    sd_shake_s: float = 0.06
     sd_inverted_s: float = 0.05
-    sd_press_angle_deg: float = 0.5
-    sd_cover_angle_deg: float = 1.5
+    sd_press_angle_deg: float = 0.3
+    sd_cover_angle_deg: float = 1.25
+    sd_cover_shut_deg: float = 0.8
     sd_mount_rad: float = math.radians(1.5)  # of the sensor against the part, unknown to the filter
     left_mouth_m: float = 0.05
     min_still_share: float = 0.2  # of the time in the hand: a hand that is stiller shows what it did not do

@@ -223,7 +223,7 @@ def _shake(dose: _Dose) -> dict[str, Measure]:
         sd = math.hypot(s.sd_shake_s, s.sd_press_s)
         to_press = Measure(press.start_s - end_s, sd, None, end_s, press.start_s)
     return {
-        "shake_duration_s": Measure(duration_s, s.sd_shake_s, None, start_s, end_s),
+        "shake_duration_s": Measure(duration_s, math.sqrt(2.0) * s.sd_shake_s, None, start_s, end_s),
         "shake_cycles": Measure(strokes / 2.0, 0.0, None, start_s, end_s),
         "shake_to_press_s": to_press,
     }
@@ -296,7 +296,7 @@ def _cover(dose: _Dose, device: Device) -> dict[str, Measure]:
         ),
         "cover_final_deg": Measure(None, reason="recording_ended_before")
         if is_cut
-        else Measure(math.degrees(float(np.median(final))), s.sd_cover_angle_deg, None, last_s - 0.5, last_s),
+        else Measure(math.degrees(float(np.median(final))), s.sd_cover_shut_deg, None, last_s - 0.5, last_s),
         "cover_openings": Measure(float(sum(o.angle_deg >= full_deg for o in openings)), 0.0, None, *shown),
     }
     names = ("shake_after_open_cycles", "tilt_after_open_max_deg", "inverted_after_open_s", "open_to_inhale_s")
