@@ -102,6 +102,56 @@ def add_key(
     _say(made.key)
 
 
+@app.command()
+def backup(target: Annotated[Path, typer.Argument(help="a new file, such as inhalemon-2026-11-20.tar")]) -> None:
+    """Write database, recordings and secret to one archive; the service may go on running."""
+    from api import upkeep  # noqa: PLC0415
+
+    with operations.opened(_settings()) as service:
+        n_recordings = upkeep.back_up(service, target)
+    _say(f"{target} holds the database and {n_recordings} recordings. It is as confidential as the service itself.")
+
+
+@app.command()
+def restore(source: Annotated[Path, typer.Argument(exists=True, dir_okay=False)]) -> None:
+    """Bring an archive back into an empty data folder (and an empty database)."""
+    from api import upkeep  # noqa: PLC0415
+
+    settings = _settings()
+    upkeep.restore(settings, source)
+    with operations.opened(settings) as service:
+        found = list(upkeep.faults(service))
+    for fault in found:
+        _note(fault)
+    _say(f"{source} was restored to {settings.data_dir}; {len(found) or 'no'} faults found.")
+    raise typer.Exit(1 if found else 0)
+
+
+@app.command()
+def verify() -> None:
+    """Check every recording's digest and every clinic's audit chain; 1 when something is wrong."""
+    from api import upkeep  # noqa: PLC0415
+
+    with operations.opened(_settings()) as service:
+        found = list(upkeep.faults(service))
+    for fault in found:
+        _say(fault)
+    _say(f"{len(found) or 'No'} faults found.")
+    raise typer.Exit(1 if found else 0)
+
+
+@app.command()
+def doctor() -> None:
+    """Look whether the service has what it needs; 1 when something wants attention."""
+    from api import upkeep  # noqa: PLC0415
+
+    with operations.opened(_settings()) as service:
+        found = list(upkeep.advice(service))
+    for is_well, told in found:
+        _say(f"{'ok    ' if is_well else 'LOOK  '} {told}")
+    raise typer.Exit(0 if all(is_well for is_well, _ in found) else 1)
+
+
 def _settings() -> ServiceSettings:
     return load()
 
