@@ -11,7 +11,7 @@ from starlette.concurrency import run_in_threadpool
 from api import erasing
 from api.moments import from_iso, new_id
 from api.principal import Principal
-from api.problems import InvalidError, UnusableRecordingError
+from api.problems import InvalidError, NotFoundError, UnusableRecordingError
 from api.pseudonym import checked
 from api.scoring import Scorer
 from api.service import Service
@@ -135,11 +135,9 @@ async def take(
     service.metrics.uploads.labels("new" if is_new else "known").inc()
     service.metrics.upload_bytes.inc(one.incoming.size)
     if session.state == State.SCORED:
-        report = await run_in_threadpool(_newest, service, session)
-        if report is not None:
-            return Taken(session, report, is_new=False)
+        return Taken(session, await run_in_threadpool(_newest, service, session), is_new=False)
     try:
-        report = await scorer.score(session, who.actor)
+        session, report = await scorer.score(session, who.actor)
     except UnusableRecordingError as refusal:
         if is_new:
             await run_in_threadpool(erasing.erase, service, session, who.actor, reason="unusable")
@@ -147,7 +145,7 @@ async def take(
         refusal.detail = refusal.detail.replace(f"{session.id}{session.suffix}", one.file_name or "recording")
         refusal.extra["file"] = one.file_name
         raise
-    return Taken(await run_in_threadpool(_again, service, session), report, is_new)
+    return Taken(session, report, is_new)
 
 
 def store(
@@ -166,9 +164,7 @@ def store(
         first_try_s = 2 * service.settings.score_deadline_s
     sha256 = one.incoming.sha256
     with service.files.held(sha256):
-        with service.store.read() as connection:
-            is_known = sessions.is_kept(connection, clinic_id, sha256)
-        if not is_known or not service.files.path(clinic_id, sha256).exists():
+        if not service.files.path(clinic_id, sha256).exists():
             service.files.keep(one.incoming, clinic_id)
         with service.store.write() as connection:
             session, is_new = sessions.add(
@@ -191,14 +187,12 @@ def store(
     return session, is_new
 
 
-def _newest(service: Service, session: Session) -> StoredReport | None:
+def _newest(service: Service, session: Session) -> StoredReport:
     with service.store.read() as connection:
-        return sessions.report(connection, session.id)
-
-
-def _again(service: Service, session: Session) -> Session:
-    with service.store.read() as connection:
-        return sessions.find(connection, (session.clinic_id,), session.id)
+        report = sessions.report(connection, session.id)
+    if report is None:
+        raise NotFoundError("The session was erased meanwhile.")
+    return report
 
 
 def mistakes_in(report: StoredReport) -> Sequence[str]:

@@ -19,6 +19,7 @@ from api.store.sessions import Session, StoredReport
 
 log = structlog.get_logger(__name__)
 
+Scored = tuple[Session, StoredReport]
 _BACKOFF_S = (2.0, 10.0, 60.0, 300.0, 1800.0)
 
 
@@ -27,10 +28,10 @@ class Scorer:
 
     def __init__(self, service: Service) -> None:
         self._service = service
-        self._under_way: dict[str, asyncio.Task[StoredReport]] = {}
+        self._under_way: dict[str, asyncio.Task[Scored]] = {}
 
-    async def score(self, session: Session, actor: str, *, in_background: bool = False) -> StoredReport:
-        """The session's new report.
+    async def score(self, session: Session, actor: str, *, in_background: bool = False) -> Scored:
+        """The session as it now stands, and its new report.
 
         Raises `BusyError`, `ScoringFailedError`, `UnusableRecordingError`. A caller who leaves does not stop it.
         """
@@ -45,7 +46,7 @@ class Scorer:
         """Wait for what is under way."""
         await asyncio.gather(*self._under_way.values(), return_exceptions=True)
 
-    async def _score(self, session: Session, actor: str, *, in_background: bool) -> StoredReport:
+    async def _score(self, session: Session, actor: str, *, in_background: bool) -> Scored:
         started_s = time.perf_counter()
         outcome = "failed"
         try:
@@ -66,7 +67,7 @@ class Scorer:
             self._service.metrics.scorings.labels(outcome).observe(duration_s)
             log.info("scored", session=session.id, outcome=outcome, duration_ms=round(duration_s * 1000))
 
-    def _keep(self, session: Session, answer: Answer, actor: str) -> StoredReport:
+    def _keep(self, session: Session, answer: Answer, actor: str) -> Scored:
         service = self._service
         found = answer.head
         patient_ref = _text(found.get("patient_ref"))
@@ -75,7 +76,7 @@ class Scorer:
         recorded_at = _text(found.get("recorded_at"))
         with service.store.write() as connection:
             session = sessions.find(connection, (session.clinic_id,), session.id, lock=True)
-            kept = sessions.keep_report(
+            session, kept = sessions.keep_report(
                 connection,
                 session,
                 answer.body,
@@ -96,7 +97,7 @@ class Scorer:
                 rules=kept.rules_digest[:12],
             )
             announce(connection, session, "session.scored", grade=kept.grade, points=kept.points, version=kept.version)
-        return kept
+        return session, kept
 
     def _put_off(self, session: Session) -> None:
         with self._service.store.write() as connection:

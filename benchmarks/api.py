@@ -63,7 +63,7 @@ def main() -> int:
             rows += _uploads(port, key, bodies, given.uploads)
             server_s, workers_s = (after - start for after, start in zip(_cpu_s(child.pid), before, strict=True))
             memory_mb = _pss_mb(child.pid)
-            rows += _lists(port, many_key)
+            rows += _lists(port, many_key, given.stored)
             rows += _series(port, key)
             rows.append(_row("memory (PSS), workers included", max(memory_mb, _pss_mb(child.pid)), "MB", 450.0))
     width = max(len(row[0]) for row in rows)
@@ -263,7 +263,7 @@ def _uploads(port: int, key: str, bodies: Sequence[bytes], n: int) -> list[Row]:
     ]
 
 
-def _lists(port: int, key: str) -> list[Row]:
+def _lists(port: int, key: str, n_stored: int) -> list[Row]:
     client = _Client(port, key)
     rows = []
     orders = {"newest first": "", "worst first": "&order=worst", "one mistake": "&rule=press_late&verdict=fail"}
@@ -275,8 +275,9 @@ def _lists(port: int, key: str) -> list[Row]:
             times_s.append(time.perf_counter() - started_s)
             if status != 200:
                 raise SystemExit(f"answered {status}: {body[:300]!r}")
-            cursor = f"&cursor={json.loads(body)['next']}"
-        rows.append(_row(f"page of 50 of {N_STORED}, {name}, p99", _p99_ms(times_s), "ms", 25.0))
+            following = json.loads(body)["next"]
+            cursor = "" if following is None else f"&cursor={following}"
+        rows.append(_row(f"page of 50 of {n_stored:,}, {name}, p99", _p99_ms(times_s), "ms", 25.0))
     return rows
 
 

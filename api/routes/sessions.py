@@ -167,7 +167,7 @@ async def score_again(request: Request, service: ServiceDep, who: Corrector, ses
         return before
     async with once:
         scorer: Scorer = request.app.state.scorer
-        report = await scorer.score(session, who.actor)
+        _, report = await scorer.score(session, who.actor)
         location = f"/v1/sessions/{session.id}/report?version={report.version}"
         answer = Response(report.body, 201, {"location": location}, "application/json")
         return await once.finish(answer, session_id=session.id)

@@ -10,9 +10,9 @@ import hashlib
 import hmac
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
-from sqlalchemy import Connection, func, select, update
+from sqlalchemy import Connection, bindparam, func, select, update
 
 from api.moments import now_us
 from api.store.engine import streamed
@@ -33,6 +33,17 @@ class AuditEntry:
     hash: bytes
 
 
+# Built once: these run with every request.
+_HEAD = (
+    select(audit_heads.c.seq, audit_heads.c.hash)
+    .where(audit_heads.c.clinic_id == bindparam("of_clinic"))
+    .with_for_update()
+)
+_APPEND = audit.insert()
+_MOVE_HEAD = update(audit_heads).where(audit_heads.c.clinic_id == bindparam("of_clinic"))
+_NAMES = [each.name for each in fields(AuditEntry)]
+
+
 class AuditLog:
     """Writes and verifies the chains."""
 
@@ -49,25 +60,13 @@ class AuditLog:
         **detail: object,
     ) -> None:
         """Append one entry. Details hold identifiers, versions and counts, never what is known of a patient."""
-        head = connection.execute(
-            select(audit_heads.c.seq, audit_heads.c.hash).where(audit_heads.c.clinic_id == clinic_id).with_for_update()
-        ).one()
+        head = connection.execute(_HEAD, {"of_clinic": clinic_id}).one()
         seq, at_us = head.seq + 1, now_us()
         text = json.dumps(detail, sort_keys=True, separators=(",", ":"))
         mark = self._hash(head.hash, clinic_id, seq, at_us, actor, action, subject, text)
-        connection.execute(
-            audit.insert().values(
-                clinic_id=clinic_id,
-                seq=seq,
-                at_us=at_us,
-                actor=actor,
-                action=action,
-                subject=subject,
-                detail=text,
-                hash=mark,
-            )
-        )
-        connection.execute(update(audit_heads).where(audit_heads.c.clinic_id == clinic_id).values(seq=seq, hash=mark))
+        entry = AuditEntry(clinic_id, seq, at_us, actor, action, subject, text, mark)
+        connection.execute(_APPEND, {name: getattr(entry, name) for name in _NAMES})
+        connection.execute(_MOVE_HEAD, {"of_clinic": clinic_id, "seq": seq, "hash": mark})
 
     def _hash(self, before: bytes, *content: object) -> bytes:
         canonical = json.dumps(content, ensure_ascii=False, separators=(",", ":")).encode()

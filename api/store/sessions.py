@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from typing import Any
 
 import orjson
-from sqlalchemy import Connection, Select, and_, delete, exists, func, select, tuple_, update
+from sqlalchemy import Connection, Select, bindparam, delete, exists, func, select, tuple_, update
 
 from api.moments import SECOND_US, new_id, now_us
 from api.problems import NotFoundError
@@ -105,6 +105,18 @@ _SESSIONS: Select[Any] = select(
 ).join_from(sessions, clinics)
 
 
+# Built once: these run with every upload.
+_FIND = _SESSIONS.where(sessions.c.id == bindparam("of_session"))
+_FIND_LOCKED = _FIND.with_for_update(of=sessions)
+_NEWEST = (
+    select(reports).where(reports.c.session_id == bindparam("of_session")).order_by(reports.c.version.desc()).limit(1)
+)
+_KNOWN = _SESSIONS.where(sessions.c.clinic_id == bindparam("of_clinic"), sessions.c.sha256 == bindparam("bytes"))
+_KEEP = reports.insert()
+_KEEP_FINDINGS = findings.insert()
+_CHANGE = update(sessions).where(sessions.c.id == bindparam("of_session"))
+
+
 def sessions_where(*conditions: Any) -> Select[Any]:  # SQLAlchemy's conditions have no one type
     """The statement that selects sessions, for the modules beside this one."""
     return _SESSIONS.where(*conditions)
@@ -158,17 +170,14 @@ def add(
             "n_reviews": 0,
         },
     )
-    condition = and_(sessions.c.clinic_id == clinic_id, sessions.c.sha256 == sha256)
-    return Session(**connection.execute(_SESSIONS.where(condition)).mappings().one()), is_new
+    return Session(**connection.execute(_KNOWN, {"of_clinic": clinic_id, "bytes": sha256}).mappings().one()), is_new
 
 
 def find(connection: Connection, clinic_ids: Sequence[str], session_id: str, *, lock: bool = False) -> Session:
     """One session of these clinics; `lock` holds it until the transaction ends. Raises `NotFoundError`."""
-    statement = _SESSIONS.where(sessions.c.id == session_id, sessions.c.clinic_id.in_(clinic_ids))
-    if lock:
-        statement = statement.with_for_update(of=sessions)
-    row = connection.execute(statement).mappings().one_or_none()
-    if row is None:
+    statement = _FIND_LOCKED if lock else _FIND
+    row = connection.execute(statement, {"of_session": session_id}).mappings().one_or_none()
+    if row is None or row["clinic_id"] not in clinic_ids:
         raise NotFoundError("There is no such session here.")
     return Session(**row)
 
@@ -294,8 +303,8 @@ def keep_report(
     session_ref: str | None,
     patient_ref: str | None,
     recorded_at_us: int | None,
-) -> StoredReport:
-    """Keep a report as the session's newest; one equal to the newest is not kept twice."""
+) -> tuple[Session, StoredReport]:
+    """Keep a report as the session's newest; one equal to the newest is not kept twice. Returns both as they stand."""
     told = orjson.loads(body)
     newest = report(connection, session.id)
     if newest is not None and newest.body == body:
@@ -313,8 +322,9 @@ def keep_report(
             points=told["score"]["points"],
             body=body,
         )
-        connection.execute(reports.insert().values({each.name: getattr(kept, each.name) for each in fields(kept)}))
-        connection.execute(delete(findings).where(findings.c.session_id == session.id))
+        connection.execute(_KEEP, {each.name: getattr(kept, each.name) for each in fields(kept)})
+        if newest is not None:
+            connection.execute(delete(findings).where(findings.c.session_id == session.id))
         rows = [
             {
                 "session_id": session.id,
@@ -326,29 +336,26 @@ def keep_report(
             for finding in told["findings"]
         ]
         if rows:
-            connection.execute(findings.insert(), rows)
+            connection.execute(_KEEP_FINDINGS, rows)
     recorded = session.recorded_at_us if recorded_at_us is None else recorded_at_us
-    connection.execute(
-        update(sessions)
-        .where(sessions.c.id == session.id)
-        .values(
-            state=State.SCORED,
-            attempts=0,
-            next_try_us=None,
-            failure=None,
-            report_id=kept.id,
-            device=device,
-            session_ref=session.session_ref or session_ref,
-            patient_ref=session.patient_ref or patient_ref,
-            recorded_at_us=recorded,
-            happened_at_us=session.uploaded_at_us if recorded is None else recorded,
-            duration_s=told["duration_s"],
-            grade=kept.grade,
-            merit=_MERIT.get(kept.grade, _UNKNOWN_MERIT),
-            points=kept.points,
-        )
-    )
-    return kept
+    changes: dict[str, Any] = {
+        "state": str(State.SCORED),
+        "attempts": 0,
+        "next_try_us": None,
+        "failure": None,
+        "report_id": kept.id,
+        "device": device,
+        "session_ref": session.session_ref or session_ref,
+        "patient_ref": session.patient_ref or patient_ref,
+        "recorded_at_us": recorded,
+        "happened_at_us": session.uploaded_at_us if recorded is None else recorded,
+        "duration_s": told["duration_s"],
+        "grade": kept.grade,
+        "merit": _MERIT.get(kept.grade, _UNKNOWN_MERIT),
+        "points": kept.points,
+    }
+    connection.execute(_CHANGE, {"of_session": session.id, **changes})
+    return replace(session, **changes), kept
 
 
 def note_failure(
@@ -385,10 +392,8 @@ def all_due(connection: Connection) -> int:
 
 def report(connection: Connection, session_id: str, version: int | None = None) -> StoredReport | None:
     """One version of a session's report, or the newest."""
-    statement = select(reports).where(reports.c.session_id == session_id)
-    if version is not None:
-        statement = statement.where(reports.c.version == version)
-    row = connection.execute(statement.order_by(reports.c.version.desc()).limit(1)).mappings().one_or_none()
+    statement = _NEWEST if version is None else _NEWEST.where(reports.c.version == version)
+    row = connection.execute(statement, {"of_session": session_id}).mappings().one_or_none()
     return None if row is None else StoredReport(**row)
 
 
