@@ -7,7 +7,7 @@ from typing import Annotated
 
 import orjson
 from fastapi import APIRouter, Header, Query, Request, Response
-from fastapi.responses import StreamingResponse
+from fastapi.responses import HTMLResponse, StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
 from api import erasing, present, series
@@ -173,7 +173,12 @@ async def score_again(request: Request, service: ServiceDep, who: Corrector, ses
         return await once.finish(answer, session_id=session.id)
 
 
-@router.get("/{session_id}/report.html", summary="The report as a page of its own", response_class=Response)
+@router.get(
+    "/{session_id}/report.html",
+    summary="The report as a page of its own",
+    response_class=HTMLResponse,
+    responses=dict(problems(404, 409, 500, 503)),
+)
 async def get_report_page(service: ServiceDep, who: Reader, session_id: SessionId) -> Response:
     session = await run_in_threadpool(seen, service, who, session_id, "report.read")
     if session.state == State.UNUSABLE:
