@@ -26,41 +26,46 @@ class ServiceSettings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix=_PREFIX, frozen=True, extra="ignore")
 
     # where
-    data_dir: Path = Path("inhalemon-data")
+    data_dir: Path = Field(Path("inhalemon-data"), description="where recordings, secret and SQLite are kept")
     database_url: str | None = Field(None, description="sqlite:///... or postgresql://...; default: SQLite in data_dir")
-    host: str = "127.0.0.1"
-    port: int = Field(8000, ge=0, le=65535)
+    host: str = Field("127.0.0.1", description="the address to listen at")
+    port: int = Field(8000, ge=0, le=65535, description="0 takes any free one")
     public_url: str | None = Field(None, description="as people reach it, e.g. https://inhalemon.example.org")
     forwarded_allow_ips: str = Field(
         "127.0.0.1", description="reverse proxies whose X-Forwarded-* headers are believed"
     )
     secret: SecretStr | None = Field(None, description="at least 32 characters; default: a file in data_dir")
-    log_level: str = "info"
+    log_level: str = Field("info", description="debug, info, warning or error")
 
     # scoring
-    workers: int = Field(default_factory=lambda: min(2, os.cpu_count() or 1), ge=1, le=64)
+    workers: int = Field(
+        default_factory=lambda: min(2, os.cpu_count() or 1),
+        ge=1,
+        le=64,
+        description="processes that score; default: 2, or 1 on a single core",
+    )
     max_waiting: int = Field(32, ge=0, description="sessions that may wait for a worker before uploads get 503")
-    score_deadline_s: float = Field(30.0, gt=0)
+    score_deadline_s: float = Field(30.0, gt=0, description="longest work on one session")
     score_attempts: int = Field(5, ge=1, description="tries before a session is left to a person")
     scoring_settings: Path | None = Field(None, description="a TOML file with the pipeline's settings")
     scoring_rules: str = Field("default", description="a profile (default, strict), or a TOML file with rules")
 
     # uploads
-    max_upload_bytes: int = Field(128 * _MIB, ge=1024)
-    max_files_per_upload: int = Field(50, ge=1)
+    max_upload_bytes: int = Field(128 * _MIB, ge=1024, description="of one request")
+    max_files_per_upload: int = Field(50, ge=1, description="of one request")
     upload_stall_s: float = Field(15.0, gt=0, description="longest silence within an upload")
-    upload_deadline_s: float = Field(600.0, gt=0)
+    upload_deadline_s: float = Field(600.0, gt=0, description="longest upload")
     min_free_bytes: int = Field(64 * _MIB, ge=0, description="free space below which uploads get 507")
     allow_names: bool = Field(False, description="accept a patient_ref that looks like a name or a birth date")
 
     # people and programs
-    session_hours: float = Field(12.0, gt=0)
+    session_hours: float = Field(12.0, gt=0, description="how long a login lasts")
     login_attempts: int = Field(10, ge=1, description="failed logins per name and address in five minutes")
-    key_requests_per_minute: int = Field(12_000, ge=1)
-    lease_minutes: float = Field(15.0, gt=0)
-    oidc_issuer: str | None = None
-    oidc_client_id: str | None = None
-    oidc_client_secret: SecretStr | None = None
+    key_requests_per_minute: int = Field(12_000, ge=1, description="of one key")
+    lease_minutes: float = Field(15.0, gt=0, description="how long a reviewer holds a session")
+    oidc_issuer: str | None = Field(None, description="lets people log in with their organisation: the provider's URL")
+    oidc_client_id: str | None = Field(None, description="as the provider knows this service")
+    oidc_client_secret: SecretStr | None = Field(None, description="as the provider gave it")
     oidc_claim: str = Field("email", description="the claim that holds the name under which the person is known here")
 
     # keeping
@@ -142,3 +147,12 @@ def unknown_variables() -> list[str]:
     """Variables that begin with the prefix and that nobody reads: most likely misspelt."""
     known = {_PREFIX + name.upper() for name in ServiceSettings.model_fields}
     return sorted(name for name in os.environ if name.startswith(_PREFIX) and name not in known)
+
+
+def as_table() -> str:
+    """Every setting with its default and meaning, as Markdown: what docs/deploy.md shows."""
+    lines = ["| variable | default | what |", "|---|---|---|"]
+    for name, field in ServiceSettings.model_fields.items():
+        default = "" if field.is_required() or field.default_factory or field.default is None else f"`{field.default}`"
+        lines.append(f"| `{_PREFIX}{name.upper()}` | {default} | {field.description or ''} |")
+    return "\n".join(lines)
