@@ -22,7 +22,7 @@ $(VENV)/.program: $(SOURCES) | $(BIN)/python
 	touch $@
 
 $(VENV)/.everything: $(SOURCES) | $(BIN)/python
-	$(PIP) --editable '.[parquet,service,postgres,fhir,figures,test,check]'
+	$(PIP) --editable '.[parquet,service,postgres,fhir,oidc,figures,test,check]'
 	touch $(VENV)/.program $@
 
 setup: $(VENV)/.everything
@@ -67,7 +67,7 @@ lock:
 	rm -rf build/lock
 	$(PYTHON) -m venv build/lock
 	build/lock/bin/python -m pip install --quiet --disable-pip-version-check \
-		--editable '.[parquet,service,postgres,fhir,dask,figures,test,check,fuzz]'
+		--editable '.[parquet,service,postgres,fhir,oidc,dask,figures,test,check,fuzz]'
 	PYTHONPATH= build/lock/bin/python -m pip freeze --exclude-editable > requirements.lock
 	rm -rf build/lock
 

@@ -43,7 +43,7 @@ async def run(service: Service, scorer: Scorer) -> None:
                 await sender.deliver_due()
                 if time.monotonic() - tidied_s > _TIDY_EVERY_S:
                     tidied_s = time.monotonic()
-                    await run_in_threadpool(_tidy, service)
+                    await run_in_threadpool(tidy, service)
             except Exception:  # the next round may fare better; the requests must not suffer
                 log.exception("background work failed")
             await asyncio.sleep(_PAUSE_S)
@@ -61,7 +61,8 @@ async def _score_due(service: Service, scorer: Scorer) -> None:
     await asyncio.gather(*(score(session) for session in await run_in_threadpool(due)))
 
 
-def _tidy(service: Service) -> None:
+def tidy(service: Service) -> None:
+    """Drop what has run out; erase what is older than the retention says."""
     with service.store.write() as connection:
         people.drop_old_logins(connection)
         chores.drop_old_deliveries(connection)

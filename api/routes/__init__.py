@@ -2,7 +2,21 @@
 
 from fastapi import APIRouter
 
-from api.routes import audit, fhir, following, health, keys, login, people, reference, reviews, sessions, uploads
+from api.routes import (
+    audit,
+    docs,
+    fhir,
+    following,
+    health,
+    keys,
+    login,
+    oidc,
+    people,
+    reference,
+    reviews,
+    sessions,
+    uploads,
+)
 
 ROUTERS: tuple[APIRouter, ...] = (
     health.router,
@@ -16,4 +30,5 @@ ROUTERS: tuple[APIRouter, ...] = (
     keys.router,
     audit.router,
     login.router,
+    oidc.router,
 )

@@ -79,7 +79,8 @@ async def log_in(
     next: Annotated[str | None, Form(max_length=500)] = None,  # noqa: A002
 ) -> Response:
     visitor = request.cookies.get(_VISITOR_COOKIE, "")
-    if not hmac.compare_digest(service.secret.mac("visitor", visitor).hex(), csrf_token) or not visitor:
+    wanted = service.secret.mac("visitor", visitor).hex()
+    if not visitor or not hmac.compare_digest(wanted.encode(), csrf_token.encode()):
         return _login_form(request, service, next, told="The form was too old. Please log in again.", status=403)
     address = request.client.host if request.client else "unknown"
     tried = f"{name.strip().lower()}@{address}"
