@@ -4,7 +4,6 @@ from fastapi import APIRouter
 
 from api.routes import (
     audit,
-    docs,
     fhir,
     following,
     health,
