@@ -41,6 +41,25 @@ def moving_mean(values: FloatArray, width: int) -> FloatArray:
     return means
 
 
+def quantile(values: FloatArray, share: float) -> FloatArray:
+    """The value below which a `share` of the samples (the first axis) lies, straight between two of them.
+
+    numpy's own takes ten times as long on the few hundred samples of one movement.
+    """
+    ordered = np.sort(values, axis=0)
+    at = share * (ordered.shape[0] - 1)
+    low = int(at)
+    high = min(low + 1, ordered.shape[0] - 1)
+    between: FloatArray = ordered[low] + (at - low) * (ordered[high] - ordered[low])
+    return between
+
+
+def lengths(vectors: FloatArray) -> FloatArray:
+    """The length (n,) of each of n vectors."""
+    squares: FloatArray = np.einsum("ij,ij->i", vectors, vectors)
+    return np.sqrt(squares)
+
+
 def runs(is_true: BoolArray) -> IntArray:
     """The stretches where a mask is true: rows of `start, end`, half open. Shape (n, 2)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], is_true, [False]])))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from inhalemon.settings import PhaseSettings
-from inhalemon.signals import close_gaps, drop_short, moving_mean, onset, runs
+from inhalemon.signals import close_gaps, drop_short, lengths, moving_mean, onset, quantile, runs
 from inhalemon.values import BoolArray, Event, FloatArray, Motion, Shake
 
 
@@ -74,7 +74,7 @@ def _smoothed(motion: Motion, smooth_s: float, settings: PhaseSettings) -> Path:
     apart = ends[2 * half :] - ends[: -2 * half]
     return Path(
         pose=pose,
-        speed=np.sqrt(np.einsum("ij,ij->i", apart, apart)) / (2 * half * step),
+        speed=lengths(apart) / (2 * half * step),
         turn_rad=turned[:, 0],
         elevation_rad=moving_mean(motion.elevation_rad, width),
         place_m=place,
@@ -124,7 +124,7 @@ def find_holds(
             continue  # the hand only paused between two movements
         whole = slice(parts[0][0], parts[-1][1])
         is_on_table = float(np.mean(on_table[whole])) > 0.5
-        holds.append(Hold(first, last, float(np.median(path.height_m[whole])), is_on_table))
+        holds.append(Hold(first, last, float(quantile(path.height_m[whole], 0.5)), is_on_table))
     return holds
 
 
@@ -134,14 +134,14 @@ def _leaving(pose: FloatArray) -> int:
     Sway makes small distances uncertain, so the first moments are found backwards from two larger ones: a hand sets off
     somewhere between uniformly accelerated and with the least jerk, distance growing as time squared or cubed.
     """
-    distance = np.linalg.norm(pose - pose[0], axis=1)
+    distance = lengths(pose - pose[0])
     far = int(np.argmax(distance >= 0.6))
     if distance[far] < 0.6:
         return int(distance.size)
     near = int(np.flatnonzero(distance[: far + 1] <= 0.25)[-1])
     # The hold itself may have wandered: measure again from where it was just before.
     here = pose[max(near - 15, 0)]
-    distance = np.linalg.norm(pose - here, axis=1)
+    distance = lengths(pose - here)
     later = np.flatnonzero(distance[near:] >= 0.6)
     far = near + int(later[0]) if later.size else far
     near = int(np.flatnonzero(distance[: far + 1] <= 0.2)[-1])
@@ -182,7 +182,7 @@ def find_stays(
         is_tilted = gain_rad >= settings.min_tilt_back_rad
         carried_in = _farthest(path, slice(barrier, low + 1), hold)
         carried_out = _farthest(path, slice(hold.end, hold.end + round(settings.leaving_s * rate)), hold)
-        earlier_m = float(np.median(path.height_m[barrier : low + 1]))
+        earlier_m = float(quantile(path.height_m[barrier : low + 1], 0.5))
         is_lowered = hold.height_m < earlier_m - settings.lowered_m
         there = -1.0 if is_lowered else min(carried_in / settings.mouth_way_m, 1.0) * 2.0 - 1.0
         back = min(carried_out / settings.mouth_way_m, 1.0) * 2.0 - 1.0
@@ -226,14 +226,14 @@ def _prepared(motion: Motion, holds: Sequence[Hold], k: int, strokes: Sequence[t
 
 def _farthest(path: Path, stretch: slice, hold: Hold) -> float:
     """How far from the hold's place the device was within a stretch, m; the odd sample does not count."""
-    away = path.place_m[stretch] - np.median(path.place_m[hold.start : hold.end], axis=0)
-    return float(np.percentile(np.linalg.norm(away, axis=1), 80)) if away.size else 0.0
+    away = path.place_m[stretch] - quantile(path.place_m[hold.start : hold.end], 0.5)
+    return float(quantile(lengths(away), 0.8)) if away.size else 0.0
 
 
 def _rise(signal: FloatArray, before: int, hold: Hold) -> tuple[float, int, FloatArray]:
     """How far the signal rises into the hold, from which sample on, and the signal."""
     low = before + int(np.argmin(signal[before : hold.start + 1]))
-    return float(np.median(signal[hold.start : hold.end])) - float(signal[low]), low, signal
+    return float(quantile(signal[hold.start : hold.end], 0.5)) - float(signal[low]), low, signal
 
 
 def _pause_before(
@@ -255,7 +255,7 @@ def _pause_before(
             break
         if _distance(path, other, holds[k]) <= away_m:
             continue
-        if np.median(motion.tilt_rad[other.start : other.end]) > np.pi / 2:
+        if quantile(motion.tilt_rad[other.start : other.end], 0.5) > np.pi / 2:
             break  # upside down is no pause
         # A fidget does not end a pause; a regrip does.
         while j and not holds[j - 1].on_table and _pose_distance(path, holds[j - 1], holds[j]) < settings.regrip:
@@ -263,7 +263,7 @@ def _pause_before(
         first = max(holds[j].start, barrier)
         speed = path.speed[first : other.end]
         # The hand comes to rest bit by bit: the pause begins where it is as still as it gets.
-        moving = np.flatnonzero(speed > max(settings.pause_speed, 2.0 * float(np.median(speed))))
+        moving = np.flatnonzero(speed > max(settings.pause_speed, 2.0 * float(quantile(speed, 0.5))))
         early = moving[moving < min((other.end - first) // 2, round(settings.settling_s * motion.rate_hz))]
         return first + (int(early[-1]) + 1 if early.size else 0), other.end
     begin = max((other.end for other in holds[:k] if not other.on_table), default=barrier)
@@ -303,7 +303,5 @@ def _pose_distance(path: Path, one: Hold, other: Hold) -> float:
 
 
 def _distance(path: Path, one: Hold, other: Hold) -> float:
-    apart = np.median(path.place_m[one.start : one.end], axis=0) - np.median(
-        path.place_m[other.start : other.end], axis=0
-    )
-    return float(np.linalg.norm(apart))
+    here, there = (quantile(path.place_m[hold.start : hold.end], 0.5) for hold in (one, other))
+    return float(np.linalg.norm(here - there))
