@@ -192,38 +192,42 @@ def test_half_a_line_left_by_a_kill_is_scored_again(three, tmp_path, form):
     assert out.read_bytes() == whole.read_bytes()
 
 
-def test_a_killed_batch_goes_on_where_it_stopped(three, tmp_path):
+@pytest.fixture
+def stuck_batch(three, tmp_path):
+    """A batch that has written six reports and waits for its seventh recording, a pipe that nobody fills."""
     folder, out = tmp_path / "many", tmp_path / "out.jsonl"
     folder.mkdir()
-    for number in range(60):
-        (folder / f"{number:02}.csv").write_bytes((three / "s1.csv").read_bytes())
-    command = [sys.executable, "-m", "inhalemon", "score", folder, "--device", "pmdi", "--jobs", "2", "--out", out]
-    with subprocess.Popen(command) as batch:
-        while not out.exists() or out.read_bytes().count(b"\n") < 5:
-            assert batch.poll() is None
-            time.sleep(0.005)
-        batch.kill()
-    left = out.read_bytes().count(b"\n")
-    assert 5 <= left < 60
-    again = inhalemon(*command[3:])
-    assert again.returncode == 0
-    assert ids(documents(out.read_bytes())) == [f"{number:02}" for number in range(60)]
-
-
-def test_interruption_is_quiet_and_keeps_what_is_done(three, tmp_path):
-    folder, out = tmp_path / "many", tmp_path / "out.jsonl"
-    folder.mkdir()
-    for number in range(60):
-        (folder / f"{number:02}.csv").write_bytes((three / "s1.csv").read_bytes())
+    for number in range(12):
+        (folder / f"{number:02}.csv").symlink_to(three / "s1.csv")
+    pipe = folder / "06.csv"
+    pipe.unlink()
+    os.mkfifo(pipe)
     command = [sys.executable, "-m", "inhalemon", "score", folder, "--device", "pmdi", "--jobs", "2", "--out", out]
     with subprocess.Popen(command, stderr=subprocess.PIPE, start_new_session=True) as batch:
-        while not out.exists() or out.read_bytes().count(b"\n") < 5:
+        while not out.exists() or out.read_bytes().count(b"\n") < 6:
             assert batch.poll() is None
-            time.sleep(0.005)
-        os.killpg(batch.pid, signal.SIGINT)  # as the terminal does: to the parent and every worker
-        assert batch.stderr.read() == b""
-    assert batch.returncode == 130
-    assert all(json.loads(line) for line in out.read_bytes().splitlines())
+            time.sleep(0.01)
+        yield batch, pipe, out
+
+
+def test_a_killed_batch_goes_on_where_it_stopped(stuck_batch, three):
+    batch, pipe, out = stuck_batch
+    batch.kill()
+    os.close(os.open(pipe, os.O_RDWR))  # lets the worker go that waits for it
+    pipe.unlink()
+    pipe.symlink_to(three / "s1.csv")
+    assert out.read_bytes().count(b"\n") == 6
+    again = inhalemon("score", pipe.parent, "--device", "pmdi", "--jobs", "2", "--out", out)
+    assert again.returncode == 0
+    assert ids(documents(out.read_bytes())) == [f"{number:02}" for number in range(12)]
+
+
+def test_interruption_is_quiet_and_keeps_what_is_done(stuck_batch):
+    batch, _, out = stuck_batch
+    os.killpg(batch.pid, signal.SIGINT)  # as the terminal does: to the parent and every worker
+    assert batch.stderr.read() == b""
+    assert batch.wait() == 130
+    assert len(documents(out.read_bytes())) == 6
 
 
 def test_sessions_of_one_name_are_counted_not_merged(three, tmp_path):
