@@ -20,17 +20,15 @@ IDENTITY.flags.writeable = False
 
 def multiply(p: FloatArray, q: FloatArray) -> FloatArray:
     """Hamilton product: `multiply(q_a_b, q_b_c)` is `q_a_c`."""
-    pw, px, py, pz = np.moveaxis(np.asarray(p), -1, 0)
-    qw, qx, qy, qz = np.moveaxis(np.asarray(q), -1, 0)
-    return np.stack(
-        [
-            pw * qw - px * qx - py * qy - pz * qz,
-            pw * qx + px * qw + py * qz - pz * qy,
-            pw * qy - px * qz + py * qw + pz * qx,
-            pw * qz + px * qy - py * qx + pz * qw,
-        ],
-        axis=-1,
-    )
+    p, q = np.asarray(p), np.asarray(q)
+    pw, px, py, pz = (p[..., k] for k in range(4))
+    qw, qx, qy, qz = (q[..., k] for k in range(4))
+    product = np.empty((*np.broadcast(pw, qw).shape, 4))
+    product[..., 0] = pw * qw - px * qx - py * qy - pz * qz
+    product[..., 1] = pw * qx + px * qw + py * qz - pz * qy
+    product[..., 2] = pw * qy - px * qz + py * qw + pz * qx
+    product[..., 3] = pw * qz + px * qy - py * qx + pz * qw
+    return product
 
 
 def conjugate(q: FloatArray) -> FloatArray:
@@ -56,13 +54,19 @@ def rotate(q: FloatArray, v: FloatArray) -> FloatArray:
 
 def as_matrix(q: FloatArray) -> FloatArray:
     """Rotation matrices (..., 3, 3): `as_matrix(q_a_b) @ v_b` is `v_a`."""
-    w, x, y, z = np.moveaxis(np.asarray(q), -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    q = np.asarray(q)
+    w, x, y, z = (q[..., k] for k in range(4))
+    matrix = np.empty((*q.shape[:-1], 3, 3))
+    matrix[..., 0, 0] = 1 - 2 * (y * y + z * z)
+    matrix[..., 0, 1] = 2 * (x * y - w * z)
+    matrix[..., 0, 2] = 2 * (x * z + w * y)
+    matrix[..., 1, 0] = 2 * (x * y + w * z)
+    matrix[..., 1, 1] = 1 - 2 * (x * x + z * z)
+    matrix[..., 1, 2] = 2 * (y * z - w * x)
+    matrix[..., 2, 0] = 2 * (x * z - w * y)
+    matrix[..., 2, 1] = 2 * (y * z + w * x)
+    matrix[..., 2, 2] = 1 - 2 * (x * x + y * y)
+    return matrix
 
 
 def from_rotation_vector(v: FloatArray) -> FloatArray:
