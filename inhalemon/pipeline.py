@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,6 +40,12 @@ from inhalemon.values import (
 PIPELINE_VERSION = "1"
 
 
+@functools.cache
+def _default_settings() -> Settings:
+    """One object for all sessions: its digest is worked out once."""
+    return Settings()
+
+
 @dataclass(frozen=True, slots=True)
 class Tracks:
     """The signals of a recording, all on the body's clock and at the body's samples."""
@@ -54,7 +61,7 @@ class Tracks:
 
 def estimate_tracks(recording: Recording, settings: Settings | None = None, *, device: Device | None = None) -> Tracks:
     """The attitudes of both parts and the angle between them, and what is doubtful about them."""
-    settings = settings or Settings()
+    settings = settings or _default_settings()
     device = device or load_device(recording.device)
     axis = device.hinge_sign * np.array(device.hinge_axis)
     has_shut_state = device.kind is not DeviceKind.HINGE
@@ -106,7 +113,7 @@ def score_recording(
     Without `settings`, `rules` and `device` the defaults are used: the default profile of rules, and the profile of the
     recording's own device.
     """
-    settings = settings or Settings()
+    settings = settings or _default_settings()
     device = device or load_device(recording.device)
     return report_of(estimate_tracks(recording, settings, device=device), settings, rules=rules, device=device)
 
