@@ -23,7 +23,7 @@ def find_events(
     The angle's turning points that are at least a partial stroke apart give its rises and falls. A stroke's start is
     where its motion begins, its peak where the end stop is reached, its end where the part is back (pMDI) or at rest
     (cover). A press is a quick rise and the fall after it, told against the angle just before, so that drift does not
-    count; a rise during shaking must stand out from what shaking alone does to the angle.
+    count; a rise during shaking is none, since the angle itself trembles there.
     """
     settings = settings or EventSettings()
     if device.rule_set is DeviceKind.HINGE:
