@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import hmac
 import secrets
@@ -19,7 +20,6 @@ from api.store import Connection, Store, people
 
 _HASHER = PasswordHasher()  # argon2id, RFC 9106's low-memory profile
 _ONE_AT_A_TIME = threading.Lock()  # each takes 64 MiB; a crowd of logins must not take the machine
-_NOBODY = _HASHER.hash(secrets.token_hex(16))  # checked for names that do not exist, so that time does not tell
 MIN_PASSWORD_LENGTH = 10
 _COMMON = ("password", "inhalemon", "12345", "qwerty", "letmein", "abcdef")
 
@@ -120,10 +120,16 @@ def check_password(store: Store, name: str, password: str) -> people.User | None
     stored = user.password_hash if user is not None and user.is_active else None
     with _ONE_AT_A_TIME:
         try:
-            _HASHER.verify(stored or _NOBODY, password)
+            _HASHER.verify(stored or _nobody(), password)
         except (VerificationError, InvalidHashError):
             return None
     return user if stored is not None else None
+
+
+@functools.cache
+def _nobody() -> str:
+    """What is checked for names that do not exist, so that time does not tell."""
+    return _HASHER.hash(secrets.token_hex(16))
 
 
 def token_hash(token: str) -> str:

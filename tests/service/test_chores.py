@@ -67,6 +67,7 @@ def told_clinic(told_server):
     clinic.close()
 
 
+@pytest.mark.slow
 def test_a_webhook_is_told_signed_and_again_until_it_listens(told_clinic, upload):
     receiver = Receiver(500)
     try:

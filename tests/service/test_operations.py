@@ -49,6 +49,7 @@ def test_a_key_stands_alone_on_the_last_line_and_works(tmp_path, database):
     assert answer.json()["role"] == "clinician"
 
 
+@pytest.mark.slow
 def test_a_backup_is_restored_elsewhere_whole(tmp_path, database, filled, recording):
     settings, key, session = filled
     archive = tmp_path / "backup.tar"
@@ -67,6 +68,7 @@ def test_a_backup_is_restored_elsewhere_whole(tmp_path, database, filled, record
     assert "not empty" in again.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("harm", ["change", "remove", "add"])
 def test_verify_finds_a_recording_that_was_touched(filled, harm):
     settings, _, session = filled
@@ -85,6 +87,7 @@ def test_verify_finds_a_recording_that_was_touched(filled, harm):
     assert ("0" * 64 if harm == "add" else session["sha256"]) in found.stdout
 
 
+@pytest.mark.slow
 def test_the_doctor_says_what_wants_attention(tmp_path):
     data_dir = tmp_path / "data"
     first = run(data_dir, "doctor")
@@ -97,6 +100,7 @@ def test_the_doctor_says_what_wants_attention(tmp_path):
     assert "readable by others" in run(data_dir, "doctor").stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "given", "code", "told"),
     [

@@ -64,6 +64,7 @@ def test_a_crashed_worker_costs_one_answer_and_no_data(tmp_path, database, recor
         assert client.get(f"/v1/sessions/{session}/recording").content == recording(seed=81)
 
 
+@pytest.mark.slow
 def test_a_job_past_its_deadline_is_ended(tmp_path, database, recording):
     with own_server(tmp_path, database, score_deadline_s=2.0) as (server, clinic):
         client = clinic.client("clinician")
@@ -241,6 +242,7 @@ class Process:
         self.child.stdout.close()
 
 
+@pytest.mark.slow
 def test_after_the_power_goes_all_that_was_acknowledged_is_there_and_gets_scored(tmp_path, database, recording):
     """Killed in the middle of uploads and started again: nothing acknowledged is lost, nothing is left over."""
     data_dir, url = tmp_path / "data", database()
@@ -291,6 +293,7 @@ def _children(pid):
     return [int(each) for each in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
+@pytest.mark.slow
 def test_two_servers_do_not_share_a_data_folder(tmp_path):
     first = Process(tmp_path / "data", None)
     try:
@@ -307,6 +310,7 @@ def test_two_servers_do_not_share_a_data_folder(tmp_path):
         first.kill()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "value", "told"),
     [
