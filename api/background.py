@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import time
+from collections.abc import Awaitable, Callable
 
 import structlog
 from starlette.concurrency import run_in_threadpool
@@ -34,19 +34,21 @@ def resume(service: Service) -> None:
 
 
 async def run(service: Service, scorer: Scorer) -> None:
-    """Until it is cancelled."""
-    tidied_s = -_TIDY_EVERY_S
-    async with webhooks.Sender(service) as sender:
-        while True:
-            try:
-                await _score_due(service, scorer)
-                await sender.deliver_due()
-                if time.monotonic() - tidied_s > _TIDY_EVERY_S:
-                    tidied_s = time.monotonic()
-                    await run_in_threadpool(tidy, service)
-            except Exception:  # the next round may fare better; the requests must not suffer
-                log.exception("background work failed")
-            await asyncio.sleep(_PAUSE_S)
+    """Until it is cancelled. Each kind of work goes its own way: a slow one holds up no other."""
+    async with webhooks.Sender(service) as sender, asyncio.TaskGroup() as group:
+        if service.settings.workers:
+            group.create_task(_every(_PAUSE_S, lambda: _score_due(service, scorer)))
+        group.create_task(_every(_PAUSE_S, sender.deliver_due))
+        group.create_task(_every(_TIDY_EVERY_S, lambda: run_in_threadpool(tidy, service)))
+
+
+async def _every(pause_s: float, work: Callable[[], Awaitable[None]]) -> None:
+    while True:
+        try:
+            await work()
+        except Exception:  # the next round may fare better; the requests must not suffer
+            log.exception("background work failed")
+        await asyncio.sleep(pause_s)
 
 
 async def _score_due(service: Service, scorer: Scorer) -> None:

@@ -105,7 +105,8 @@ class Pool:
         Raises `SaturatedError` when too many wait, `CrashedError` and `DeadlineError`. Work in the background waits for
         as long as it takes and lets everything else go first.
         """
-        if not in_background and self._n_asked >= self.size + self._max_waiting:
+        is_full = self._n_asked >= self.size + self._max_waiting
+        if self.size == 0 or (is_full and not in_background):
             raise SaturatedError
         priority = _BACKGROUND if in_background else _INTERACTIVE
         job = _Job(priority, next(self._numbers), task, asyncio.get_running_loop().create_future())

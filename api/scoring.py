@@ -173,7 +173,7 @@ async def pipeline_versions(service: Service) -> dict[str, str]:
     if not service.versions:
         try:
             answer = await service.pool.run(_order(service, "versions"), in_background=True)
-        except (CrashedError, DeadlineError) as error:
+        except (CrashedError, DeadlineError, SaturatedError) as error:
             raise NotReadyError("No worker can start; the log says why.") from error
         service.versions.update({name: str(value) for name, value in answer.head.items()})
     return service.versions

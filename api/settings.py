@@ -40,9 +40,9 @@ class ServiceSettings(BaseSettings):
     # scoring
     workers: int = Field(
         default_factory=lambda: min(2, os.cpu_count() or 1),
-        ge=1,
+        ge=0,
         le=64,
-        description="processes that score; default: 2, or 1 on a single core",
+        description="processes that score; default: 2, or 1 on a single core; 0 keeps recordings and scores none",
     )
     max_waiting: int = Field(32, ge=0, description="sessions that may wait for a worker before uploads get 503")
     score_deadline_s: float = Field(30.0, gt=0, description="longest work on one session")

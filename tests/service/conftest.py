@@ -122,11 +122,11 @@ def _simulated(device: str, mistakes: tuple[str, ...], seed: int, folder: str) -
 
 @pytest.fixture(scope="session")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., bytes]:
-    """A simulated session's file; another `seed` gives other bytes."""
+    """A simulated session's file; another `seed` gives other bytes, of one of four sessions."""
     folder = str(tmp_path_factory.mktemp("recordings"))
 
     def make(device: str = "pmdi", mistakes: tuple[str, ...] = (), seed: int = 1) -> bytes:
-        return _simulated(device, mistakes, seed, folder)
+        return _simulated(device, mistakes, seed % 4, folder) + b"\n" * (seed // 4)
 
     return make
 

@@ -87,7 +87,7 @@ def organisation(tmp_path_factory):
     settings = settings_for(
         tmp_path_factory.mktemp("data"),
         None,
-        workers=1,
+        workers=0,
         oidc_issuer=provider.url,
         oidc_client_id=CLIENT[0],
         oidc_client_secret=CLIENT[1],

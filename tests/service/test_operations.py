@@ -39,7 +39,7 @@ def filled(tmp_path, database, recording):
 
 
 def test_a_key_stands_alone_on_the_last_line_and_works(tmp_path, database):
-    settings = settings_for(tmp_path / "data", database(), workers=1)
+    settings = settings_for(tmp_path / "data", database(), workers=0)
     made = run(settings.data_dir, "add-key", "--clinic", "north", "--role", "clinician", url=settings.database_url)
     assert made.returncode == 0, made.stderr
     key = made.stdout.splitlines()[-1]

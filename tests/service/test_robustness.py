@@ -18,6 +18,9 @@ import httpx
 import pytest
 from running import serving, settings_for
 
+from api import operations
+from api.principal import Role
+
 CSV = {"content-type": "text/csv"}
 
 
@@ -105,6 +108,18 @@ def test_when_scoring_is_saturated_bytes_are_kept_and_scored_later(tmp_path, dat
             )
 
 
+def test_without_workers_recordings_are_kept_and_the_next_server_scores_them(tmp_path, database, recording):
+    url = database()
+    with serving(settings_for(tmp_path / "data", url, workers=0)) as server:
+        key = operations.add_key(server.service, "north", Role.CLINICIAN).key
+        with server.client(key) as client:
+            answer = send(client, recording(seed=85))
+            assert answer.status_code == 503
+            assert int(answer.headers["retry-after"]) >= 1
+    with serving(settings_for(tmp_path / "data", url, workers=1)) as server, server.client(key) as client:
+        wait_until(lambda: client.get(f"/v1/sessions/{answer.json()['session']}").json()["state"] == "scored")
+
+
 # ------------------------------------------------------------------------------------------ uploads that go wrong
 
 
@@ -130,7 +145,7 @@ def left_in(server):
 
 
 def test_a_stalled_upload_is_ended_and_leaves_nothing(tmp_path, database):
-    with own_server(tmp_path, database, upload_stall_s=0.5) as (server, clinic):
+    with own_server(tmp_path, database, upload_stall_s=0.5, workers=0) as (server, clinic):
         head = head_of(clinic.key("uploader"), "Content-Type: text/csv", "Content-Length: 100000")
         started_s = time.monotonic()
         answer = raw_request(server, head, b"sensor,time_s")
@@ -140,7 +155,7 @@ def test_a_stalled_upload_is_ended_and_leaves_nothing(tmp_path, database):
 
 
 def test_a_broken_off_upload_leaves_nothing(tmp_path, database, recording):
-    with own_server(tmp_path, database) as (server, clinic):
+    with own_server(tmp_path, database, workers=0) as (server, clinic):
         port = int(server.url.rpartition(":")[2])
         with socket.create_connection(("127.0.0.1", port), timeout=10) as connection:
             connection.sendall(head_of(clinic.key("uploader"), "Content-Type: text/csv", "Content-Length: 900000"))
@@ -152,7 +167,7 @@ def test_a_broken_off_upload_leaves_nothing(tmp_path, database, recording):
 
 @pytest.mark.parametrize("is_announced", [True, False])
 def test_too_large_an_upload_is_refused_announced_or_not(tmp_path, database, recording, is_announced):
-    with own_server(tmp_path, database, max_upload_bytes=2048) as (server, clinic):
+    with own_server(tmp_path, database, max_upload_bytes=2048, workers=0) as (server, clinic):
         content = recording(seed=88)
         blocks = (content[n : n + 1000] for n in range(0, len(content), 1000))
         answer = send(clinic.client("clinician"), content if is_announced else blocks)
@@ -193,7 +208,7 @@ def test_on_a_full_disk_uploads_are_refused_and_readiness_says_so(small_disk, re
 
 
 def test_below_the_reserve_nothing_more_is_taken(tmp_path, database, recording):
-    with own_server(tmp_path, database) as (server, clinic):
+    with own_server(tmp_path, database, workers=0) as (server, clinic):
         object.__setattr__(server.service.files, "_min_free_bytes", 2**62)
         assert send(clinic.client("clinician"), recording(seed=91)).status_code == 507
         assert clinic.client("clinician").get("/readyz").status_code == 507
