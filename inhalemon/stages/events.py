@@ -165,7 +165,8 @@ def _presses(
             max(rise.begin - round(0.1 * motion.rate_hz), 0) : rise.stop + round(0.1 * motion.rate_hz)
         ]
         blur_rad += settings.gap_blur_rad_s * float(np.count_nonzero(nearby)) * motion.step_s
-        is_shaken = any(shake.start_s < motion.time_s[rise.begin] < shake.end_s - 0.1 for shake in shakes)
+        # The angle trembles before the first stroke that is strong enough to count.
+        is_shaken = any(shake.start_s - 0.2 < motion.time_s[rise.begin] < shake.end_s - 0.1 for shake in shakes)
         if stroke_rad < device.partial_stroke_rad + blur_rad:
             continue
         if is_shaken:

@@ -336,15 +336,17 @@ def _with_gap(motion: Motion, measure: Measure, settings: MeasureSettings) -> Me
     """A measure whose stretch has a gap says so: no value over a long one, less sure over a short one."""
     if measure.value is None or measure.start_s is None or measure.end_s is None:
         return measure
-    inside = motion.is_gap[motion.index(measure.start_s) : motion.index(measure.end_s) + 1]
-    if not inside.any():
+    first, last = motion.index(measure.start_s), motion.index(measure.end_s) + 1
+    if not motion.is_gap[first:last].any():
         return measure
-    lengths_s = [(end - start) * motion.step_s for start, end in runs(inside)]
-    is_short = sum(lengths_s) <= settings.max_gap_share * (measure.end_s - measure.start_s)
-    if max(lengths_s) > settings.max_gap_s or not is_short:
+    gaps = [(start, end) for start, end in runs(motion.is_gap).tolist() if end > first and start < last]
+    longest_s = max(end - start for start, end in gaps) * motion.step_s
+    inside_s = float(np.count_nonzero(motion.is_gap[first:last])) * motion.step_s
+    if longest_s > settings.max_gap_s or inside_s > settings.max_gap_share * (measure.end_s - measure.start_s):
         return Measure(None, reason="gap_in_the_recording")
-    at_an_end = inside[:20].any() or inside[-20:].any()
+    near = round(0.2 * motion.rate_hz)
+    at_an_end = any(start < first + near or end > last - near for start, end in gaps)
     sd = measure.sd or 0.0
     if at_an_end and measure.value:
-        sd = math.hypot(sd, max(lengths_s) / 2.0)
+        sd = math.hypot(sd, longest_s / 2.0)
     return replace(measure, sd=sd, reason="crosses_a_gap")
