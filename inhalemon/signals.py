@@ -44,7 +44,7 @@ def moving_mean(values: FloatArray, width: int) -> FloatArray:
 def quantile(values: FloatArray, share: float) -> FloatArray:
     """The value below which a `share` of the samples (the first axis) lies, straight between two of them.
 
-    numpy's own takes ten times as long on the few hundred samples of one movement.
+    numpy's own take five and ten times as long on the few hundred samples of one movement.
     """
     ordered = np.sort(values, axis=0)
     at = share * (ordered.shape[0] - 1)
