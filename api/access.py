@@ -31,7 +31,8 @@ _bearer = HTTPBearer(auto_error=False, description="An API key, made with `pytho
 _cookie = APIKeyCookie(name=COOKIE, auto_error=False, description="The cookie of a login.")
 
 
-def service_of(request: Request) -> Service:
+async def service_of(request: Request) -> Service:
+    """The running service; asynchronous only so that no thread is asked for it."""
     service: Service = request.app.state.service
     return service
 

@@ -12,7 +12,7 @@ from api.store.sessions import Filter, State
 from inhalemon.values import DeviceKind, Grade, Verdict
 
 
-def _filter(
+async def _filter(
     patient: Annotated[str | None, Query(max_length=64, description="exact patient_ref")] = None,
     device: DeviceKind | None = None,
     grade: Grade | None = None,
