@@ -11,7 +11,14 @@ from starlette.concurrency import run_in_threadpool
 
 from api.jobs import Answer, CrashedError, DeadlineError, SaturatedError
 from api.moments import SECOND_US, from_iso, now_us, to_iso
-from api.problems import BusyError, NotReadyError, ProblemError, ScoringFailedError, UnusableRecordingError
+from api.problems import (
+    BusyError,
+    InvalidError,
+    NotReadyError,
+    ProblemError,
+    ScoringFailedError,
+    UnusableRecordingError,
+)
 from api.pseudonym import checked
 from api.service import Service
 from api.store import Connection, chores, sessions
@@ -72,7 +79,10 @@ class Scorer:
         found = answer.head
         patient_ref = _text(found.get("patient_ref"))
         if patient_ref is not None and session.patient_ref is None:  # from within the file
-            patient_ref = checked(patient_ref, allow_names=service.settings.allow_names)
+            try:
+                patient_ref = checked(patient_ref, allow_names=service.settings.allow_names)
+            except InvalidError as error:  # then the file itself tells the name, and must not be kept
+                raise UnusableRecordingError(error.detail, code="patient_ref_not_pseudonymous") from error
         recorded_at = _text(found.get("recorded_at"))
         with service.store.write() as connection:
             session = sessions.find(connection, (session.clinic_id,), session.id, lock=True)

@@ -22,7 +22,7 @@ from api.routes.common import ClinicQuery, Cursor, Limit, SessionId, problems
 from api.routes.filters import FilterDep, is_named
 from api.scoring import Scorer, ask_worker
 from api.service import Service
-from api.store import sessions
+from api.store import chores, sessions
 from api.store.sessions import Order, Session, State
 
 router = APIRouter(prefix="/v1/sessions", tags=["sessions"])
@@ -101,6 +101,7 @@ def correct_session(
         sidecar = orjson.loads(session.sidecar or b"{}") | {"patient_ref": ref}
         kept = {name: value for name, value in sidecar.items() if value is not None}
         sessions.set_patient(connection, session.id, ref, orjson.dumps(kept) if kept else None)
+        chores.forget_answers(connection, session.id)  # they hold the wrong reference
         # That it was changed and by whom; neither the old reference nor the new one.
         service.audit.record(connection, session.clinic_id, who.actor, "session.patient_corrected", session.id)
         session = sessions.find(connection, who.clinic_ids, session_id)

@@ -61,6 +61,11 @@ def keep_answer(
     connection.execute(update(idempotency).where(condition).values(values))
 
 
+def forget_answers(connection: Connection, session_id: str) -> None:
+    """Forget what was answered about a session: it is no longer so."""
+    connection.execute(delete(idempotency).where(idempotency.c.session_id == session_id))
+
+
 def release_key(connection: Connection, actor_id: str, key: str) -> None:
     """Forget a key whose request failed, so that it can be sent again."""
     condition = (idempotency.c.actor_id == actor_id) & (idempotency.c.key == key)

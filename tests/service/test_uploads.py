@@ -6,8 +6,12 @@ import base64
 import gzip
 import hashlib
 import json
+from dataclasses import replace
 
 import pytest
+
+import inhalemon as im
+from inhalemon.recording import write_recording
 
 CSV = {"content-type": "text/csv"}
 
@@ -140,6 +144,18 @@ def test_a_patient_ref_that_tells_who_it_is_is_refused(clinic, recording, ref):
     assert answer.status_code == 422
     assert answer.json()["code"] == "patient_ref_not_pseudonymous"
     assert ref not in answer.text
+
+
+def test_a_name_within_the_file_itself_is_refused_and_the_file_not_kept(clinic, tmp_path):
+    recording, _ = im.simulate_session("pmdi", seed=1, rate_hz=50.0)
+    write_recording(replace(recording, patient_ref="John Smith"), tmp_path / "x.parquet")
+    headers = {"content-type": "application/vnd.apache.parquet"}
+    content = (tmp_path / "x.parquet").read_bytes()
+    answer = clinic.client("clinician").post("/v1/sessions", content=content, headers=headers)
+    assert answer.status_code == 422, answer.text
+    assert answer.json()["code"] == "patient_ref_not_pseudonymous"
+    assert clinic.client("clinician").get("/v1/sessions").json()["items"] == []
+    assert list((clinic.server.settings.data_dir / "raw" / clinic.id).rglob("*.zst")) == []
 
 
 @pytest.mark.parametrize("ref", ["P-0042", "patient-7", "demo", "8f14e45f-ceea-467f-a8ad-0242ac120002", "AB12", "0815"])
