@@ -12,9 +12,9 @@ from typing import Any
 from sqlalchemy import Connection, Engine, Executable, RowMapping, Select, Table, create_engine, event
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import URL, make_url
-from sqlalchemy.exc import DBAPIError, OperationalError
+from sqlalchemy.exc import DataError, DBAPIError, OperationalError
 
-from api.problems import DiskFullError, NotReadyError
+from api.problems import DiskFullError, InvalidError, NotReadyError
 
 _BLOCK = 500
 _POOL = {"pool_size": 16, "max_overflow": 32, "pool_timeout": 10}
@@ -97,6 +97,8 @@ def _told_as_problems() -> Iterator[None]:
         told = str(error.orig).lower()
         if "full" in told or "no space" in told:
             raise DiskFullError from error
+        if isinstance(error, DataError):  # such as a NUL, which PostgreSQL cannot keep in a text
+            raise InvalidError("A value holds characters that cannot be kept; send it without them.") from error
         if isinstance(error, OperationalError):
             raise NotReadyError("The database does not answer; try again in a moment.") from error
         raise

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+from urllib.parse import quote
 
 import jsonschema
 import pytest
@@ -92,3 +94,45 @@ def test_every_answer_carries_the_security_headers(server):
             assert "unsafe" not in headers["content-security-policy"], path
             assert headers["x-content-type-options"] == "nosniff"
             assert headers["referrer-policy"] == "no-referrer"
+
+
+@pytest.mark.parametrize(
+    "odd", ["\x00", "\ud800", "\u202e", "'; DROP TABLE sessions; --", "%", "\U0001f4a8", "A" * 5000, "../../x"]
+)
+def test_odd_text_is_stored_or_refused_and_never_a_fault_of_ours(clinic, upload, odd):
+    client = clinic.client("administrator")
+    session = upload(clinic, seed=132)["id"]
+    headers = {"content-type": "application/json"}
+    body = json.dumps({"kind": "comment", "reason": f"a{odd}b"}).encode()
+    quoted = quote(odd.encode("utf-8", "surrogatepass"), safe="")
+    answers = [
+        client.post(f"/v1/sessions/{session}/reviews", content=body, headers=headers),
+        client.patch(
+            f"/v1/sessions/{session}", content=json.dumps({"patient_ref": f"P{odd}1"}).encode(), headers=headers
+        ),
+        client.post("/v1/keys", content=json.dumps({"role": "uploader", "label": odd}).encode(), headers=headers),
+        client.get(f"/v1/sessions?patient={quoted}"),
+        client.get(f"/v1/sessions?rule={quoted}&verdict=fail"),
+        client.get(f"/v1/sessions?clinic={quoted}"),
+        client.get(f"/v1/sessions?cursor={quoted}"),
+        client.get(f"/v1/patients/{quoted}/progress"),
+        client.get(f"/v1/sessions/{quoted}"),
+        client.patch(f"/v1/users/{quoted}", content=b"{}", headers=headers),
+        client.post(
+            f"/v1/sessions?device=pmdi&patient_ref=P1{quoted}", content=b"x", headers={"content-type": "text/csv"}
+        ),
+        client.post("/v1/sessions?device=pmdi", content=b"x", headers={"idempotency-key": "k", "content-type": quoted}),
+        client.get("/v1/me", headers={"authorization": f"Bearer inh_{quoted}_x"}),
+    ]
+    for answer in answers:
+        assert answer.status_code < 500, f"{answer.request.method} {answer.request.url}: {answer.text}"
+    for answer in answers:
+        if answer.status_code >= 400:
+            assert answer.headers["content-type"] == "application/problem+json"
+    with clinic.server.client() as visitor:
+        page = visitor.get("/login")
+        token = re.search(r'name="csrf_token" value="([0-9a-f]+)"', page.text)[1]
+        form = f"name={quoted}&password={quoted}&csrf_token={token}".encode()
+        kind = {"content-type": "application/x-www-form-urlencoded"}
+        assert visitor.post("/login", content=form, headers=kind).status_code < 500
+        assert visitor.post("/login", content=f"name=a&password=b&csrf_token={quoted}", headers=kind).status_code < 500
