@@ -6,7 +6,6 @@ import csv
 import io
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -220,14 +219,6 @@ def test_a_killed_batch_goes_on_where_it_stopped(stuck_batch, three):
     again = inhalemon("score", pipe.parent, "--device", "pmdi", "--jobs", "2", "--out", out)
     assert again.returncode == 0
     assert ids(documents(out.read_bytes())) == [f"{number:02}" for number in range(12)]
-
-
-def test_interruption_is_quiet_and_keeps_what_is_done(stuck_batch):
-    batch, _, out = stuck_batch
-    os.killpg(batch.pid, signal.SIGINT)  # as the terminal does: to the parent and every worker
-    assert batch.stderr.read() == b""
-    assert batch.wait() == 130
-    assert len(documents(out.read_bytes())) == 6
 
 
 def test_sessions_of_one_name_are_counted_not_merged(three, tmp_path):
