@@ -236,15 +236,20 @@ class PhaseSettings:
     min_still_share: float = 0.25  # of the time in the hand
     still_speed: float = 0.7  # clear movements a second: 7 deg/s, 3.5 cm/s
     min_hold_s: float = 0.08
+    setting_off_s: float = 0.5  # the first of a movement, slow as sway
     max_disturbance_s: float = 0.8  # a press shakes the hand for less
     same_place: float = 0.4  # of a clear movement
     clear_turn_rad: float = math.radians(10.0)
     clear_move_m: float = 0.05
     # Lying on a table: below a hand's tremor, above the sensors' noise.
     table_window_s: float = 0.5
-    table_acc_m_s2: float = 0.06
-    table_gyr_rad_s: float = 0.0045
+    noise_smooth_s: float = 0.04
+    table_acc_m_s2: float = 0.04
+    table_gyr_rad_s: float = 0.0032
     min_table_s: float = 0.6
+    letting_go_s: float = 0.8  # a hand that has put something down lets go within this
+    table_unrest: float = 16.0  # in squares of the two limits together: more is a hand or a bump
+    max_put_down_s: float = 3.0
     # At the mouth.
     min_tilt_back_rad: float = math.radians(6.0)
     usual_tilt_back_rad: float = math.radians(12.0)
@@ -263,6 +268,8 @@ class PhaseSettings:
     mouth_height_m: float = 0.15  # two stays at one mouth are not farther apart
     away_m: float = 0.10  # farther from the mouth than this, the device has left it
     max_breath_s: float = 1.5
+    fall_m: float = 0.03  # the hand sinks at least so much as the breath is let out
+    max_fall_m: float = 0.2
 
 
 @dataclass(frozen=True, slots=True)

@@ -66,7 +66,8 @@ def _strokes(motion: Motion, angle: FloatArray, least_rad: float, settings: Even
         is_quick = part > max(settings.slow_rate_rad_s, 0.1 * float(part.max()))
         for begin, end in runs(close_gaps(is_quick, round(settings.max_pause_s * motion.rate_hz))).tolist():
             stop = low + end - 1
-            first = onset(angle, max(low + begin - round(0.1 * motion.rate_hz), low), stop)
+            still = low + begin - max(round(0.1 * motion.rate_hz), (end - begin) // 2)
+            first = onset(angle, max(still, low), stop)
             strokes.append(_Stroke(first, stop, float(angle[first]), float(angle[stop])))
     return [stroke for stroke in strokes if abs(stroke.rise_rad) >= least_rad]
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from inhalemon.devices import Device
 from inhalemon.settings import PhaseSettings
-from inhalemon.stages.phases.holds import Hold, Stay, find_holds, find_stays, path_of, table_mask
+from inhalemon.stages.phases.holds import Hold, Path, Stay, carried_since, find_holds, find_stays, path_of, table_mask
 from inhalemon.stages.phases.order import LABELS, cheapest_path, transition_costs
 from inhalemon.stages.phases.windows import Windows, cut_windows, window_mean
 from inhalemon.values import DeviceKind, Event, EventKind, FloatArray, IntArray, Motion, Phase, PhaseKind, Shake
@@ -63,7 +63,7 @@ def gather_evidence(
     stays = find_stays(motion, path, holds, strokes, presses, settings)
     stays = _one_a_dose(stays, motion, shakes, events, device, settings)
     windows = cut_windows(motion, path, shakes, settings)
-    masks = _masks(motion, holds, stays, shakes, events)
+    masks = _masks(motion, path, holds, stays, shakes, events, settings)
     return Evidence(windows, masks, _costs(masks, windows))
 
 
@@ -129,7 +129,13 @@ def _one_a_dose(
 
 
 def _masks(
-    motion: Motion, holds: Sequence[Hold], stays: Sequence[Stay], shakes: Sequence[Shake], events: Sequence[Event]
+    motion: Motion,
+    path: Path,
+    holds: Sequence[Hold],
+    stays: Sequence[Stay],
+    shakes: Sequence[Shake],
+    events: Sequence[Event],
+    settings: PhaseSettings,
 ) -> dict[PhaseKind, FloatArray]:
     """How much each sample looks like each step, 0 to 1, (n,) each."""
     n = motion.time_s.size
@@ -143,9 +149,9 @@ def _masks(
         if not hold.on_table:
             continue
         masks[PhaseKind.REST][hold.start : hold.end] = 1.0
-        begin = holds[k - 1].end if k else 0
+        begin = max(holds[k - 1].end if k else 0, hold.start - round(settings.max_put_down_s * motion.rate_hz))
         # Only the last movement before the table puts the device down.
-        masks[PhaseKind.PUT_DOWN][max(begin, hold.start - round(3.0 * motion.rate_hz)) : hold.start] = 1.0
+        masks[PhaseKind.PUT_DOWN][carried_since(path, begin, hold.start) : hold.start] = 1.0
     for stay in stays:
         weight = min(max((stay.likeness - 0.3) / 0.4, 0.0), 1.0)
         first, last = stay.pause

@@ -83,13 +83,17 @@ def _smoothed(motion: Motion, smooth_s: float, settings: PhaseSettings) -> Path:
 
 
 def table_mask(motion: Motion, settings: PhaseSettings) -> BoolArray:
-    """Where the device lies on something that has no tremor."""
+    """Where the device lies on something that has no tremor: 6-12 Hz, below most of a sensor's noise."""
     width = round(settings.table_window_s * motion.rate_hz)
-    force, gyr = motion.force_m_s2, motion.gyr_rad_s
+    force, gyr = _without_noise(motion.force_m_s2, motion, settings), _without_noise(motion.gyr_rad_s, motion, settings)
     acc_var = (moving_mean(force * force, width) - moving_mean(force, width) ** 2).sum(axis=1)
     gyr_var = (moving_mean(gyr * gyr, width) - moving_mean(gyr, width) ** 2).sum(axis=1)
     is_quiet = (acc_var < settings.table_acc_m_s2**2) & (gyr_var < settings.table_gyr_rad_s**2)
     return drop_short(is_quiet, round(settings.min_table_s * motion.rate_hz))
+
+
+def _without_noise(values: FloatArray, motion: Motion, settings: PhaseSettings) -> FloatArray:
+    return moving_mean(values, max(round(settings.noise_smooth_s * motion.rate_hz), 1))
 
 
 def find_holds(
@@ -117,15 +121,32 @@ def find_holds(
     for k, parts in enumerate(groups):
         before = groups[k - 1][-1][1] if k else 0
         after = groups[k + 1][0][0] if k + 1 < len(groups) else motion.time_s.size
-        first_middle, last_middle = sum(parts[0]) // 2, sum(parts[-1]) // 2
-        first = _arrival(path.pose[before : first_middle + 1]) + before
-        last = _leaving(path.pose[last_middle:after]) + last_middle
+        # Sway and the path's own drift go far in seconds: the movement begins shortly before it can be told from them.
+        shortly = round(settings.setting_off_s * rate)
+        settled = min(sum(parts[0]) // 2, parts[0][0] + shortly)
+        unsettled = max(sum(parts[-1]) // 2, parts[-1][1] - shortly)
+        first = _arrival(path.pose[before : settled + 1]) + before
+        last = _leaving(path.pose[unsettled:after]) + unsettled
         if last - first < 2:
             continue  # the hand only paused between two movements
         whole = slice(parts[0][0], parts[-1][1])
         is_on_table = float(np.mean(on_table[whole])) > 0.5
+        if is_on_table and first:
+            first = _laid_down(motion, first, last, settings)
         holds.append(Hold(first, last, float(quantile(path.height_m[whole], 0.5)), is_on_table))
     return holds
+
+
+def _laid_down(motion: Motion, arrival: int, end: int, settings: PhaseSettings) -> int:
+    """The sample since when the device lies on the table: it has met it, and the hand has let go."""
+    around = round(settings.letting_go_s * motion.rate_hz)
+    low, high = max(arrival - around, 0), min(arrival + around, (arrival + end) // 2)
+    force = _without_noise(motion.force_m_s2[low:end], motion, settings)
+    gyr = _without_noise(motion.gyr_rad_s[low:end], motion, settings)
+    apart = lengths(force - np.median(force[high - low :], axis=0)) / settings.table_acc_m_s2
+    unrest = moving_mean(apart**2 + (lengths(gyr) / settings.table_gyr_rad_s) ** 2, round(0.1 * motion.rate_hz))
+    moved = np.flatnonzero(unrest[: high - low] > settings.table_unrest)
+    return low + int(moved[-1]) + 1 if moved.size else low
 
 
 def _leaving(pose: FloatArray) -> int:
@@ -236,6 +257,19 @@ def _rise(signal: FloatArray, before: int, hold: Hold) -> tuple[float, int, Floa
     return float(quantile(signal[hold.start : hold.end], 0.5)) - float(signal[low]), low, signal
 
 
+def carried_since(path: Path, begin: int, end: int) -> int:
+    """The sample since when the device is carried, in one go, to where it is at `end`; not before `begin`.
+
+    A movement has begun where its speed first stays above a tenth of its highest.
+    """
+    speed = path.speed[begin:end]
+    if not speed.size:
+        return begin
+    fastest = int(np.argmax(speed))
+    slow = np.flatnonzero(speed[: fastest + 1] < 0.1 * speed[fastest])
+    return begin + (int(slow[-1]) if slow.size else 0)
+
+
 def _pause_before(
     motion: Motion,
     path: Path,
@@ -291,9 +325,12 @@ def _afterwards(
         away += 1
     hold_end = after_end = min(after[away].end, limit)
     if away + 1 < len(after) and hold_end < limit:
-        is_small = _distance(path, after[away], after[away + 1]) < settings.away_m
-        if is_small and after[away + 1].start - hold_end < settings.max_breath_s * motion.rate_hz:
-            after_end = min(after[away + 1].end, limit)
+        # With the breath the shoulders fall, and the hand with them.
+        fallen = after[away + 1]
+        has_fallen = fallen.height_m < after[away].height_m - settings.fall_m
+        is_small = has_fallen and _distance(path, after[away], fallen) < settings.max_fall_m
+        if is_small and fallen.start - hold_end < settings.max_breath_s * motion.rate_hz:
+            after_end = min(fallen.end, limit)
     return hold_end, after_end
 
 
