@@ -221,6 +221,8 @@ class EventSettings:
     max_held_s: float = 3.0  # before the recording's end, without coming back
     gap_margin_s: float = 0.1  # before and after a gap the angle is not believed
     max_hesitation_s: float = 1.5  # of a cover on its way
+    settling_s: float = 0.6  # of a cover that springs back from its end stop
+    min_spring_back_rad: float = math.radians(1.0)
     gap_blur_rad_s: float = math.radians(20.0)  # of a gap in the samples, that may show in the angle
     turn_blur: float = 0.05  # of a turn of the whole device, that may show in the angle
 

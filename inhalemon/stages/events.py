@@ -32,7 +32,12 @@ def find_events(
     angle = moving_mean(angle, max(round(settings.smooth_s * motion.rate_hz), 1))
     strokes = _strokes(motion, angle, _least_stroke(device, settings), settings)
     if device.rule_set is DeviceKind.ELLIPTA:
-        return tuple(_cover_event(motion, stroke) for stroke in _joined(motion, strokes, settings))
+        strokes = _joined(motion, strokes, settings)
+        begins = [stroke.begin for stroke in strokes[1:]] + [motion.time_s.size - 1]
+        return tuple(
+            _cover_event(motion, stroke, _settled(angle, stroke, begin, motion, settings))
+            for stroke, begin in zip(strokes, begins, strict=True)
+        )
     return tuple(_presses(motion, strokes, shakes, device, settings))
 
 
@@ -128,14 +133,22 @@ def _joined(motion: Motion, strokes: Sequence[_Stroke], settings: EventSettings)
     return joined
 
 
-def _cover_event(motion: Motion, stroke: _Stroke) -> Event:
+def _settled(angle: FloatArray, stroke: _Stroke, limit: int, motion: Motion, settings: EventSettings) -> int:
+    """The sample at which a cover rests after its stop: open, it springs back a little. Before `limit`."""
+    after = angle[stroke.stop : min(stroke.stop + round(settings.settling_s * motion.rate_hz), limit) + 1]
+    if stroke.rise_rad < 0 or after[0] - after[-1] < settings.min_spring_back_rad:
+        return stroke.stop
+    return stroke.stop + after.size - 1 - onset(after[::-1], 0, after.size - 1)
+
+
+def _cover_event(motion: Motion, stroke: _Stroke, end: int) -> Event:
     kind = EventKind.OPEN if stroke.rise_rad > 0 else EventKind.CLOSE
     largest = float(np.max(motion.lever_rad[stroke.begin : stroke.stop + 1]))
     return Event(
         kind=kind,
         start_s=float(motion.time_s[stroke.begin]),
         peak_s=float(motion.time_s[stroke.stop]),
-        end_s=float(motion.time_s[stroke.stop]),
+        end_s=float(motion.time_s[end]),
         angle_deg=math.degrees(largest),
     )
 
