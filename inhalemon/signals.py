@@ -88,7 +88,7 @@ def onset(values: FloatArray, low: int, high: int) -> int:
     """The sample at which the rise (or fall) from `low` to `high` begins, both sample numbers of `values`.
 
     The first moments of a movement drown in noise, so they are found backwards from where 5 % and 50 % are done: the
-    movement set off before by 0.6 of the time between the two. So it is for least jerk, with or without an end stop, and
+    movement set off before by 0.6 of the time between the two. So it is for least jerk, with or without end stop, and
     for lags in a row; for a raised cosine it is 0.4.
     """
     part = values[low : high + 1]
