@@ -47,7 +47,9 @@ class Blocks:
         rate_hz = time_s.size / (time_s[-1] - time_s[0])
         stride = max(1, int(rate_hz * block_s / _SAMPLES_PER_BLOCK))
         # The first sample of every block is always taken, so that no block is empty.
-        taken = np.union1d(np.arange(0, time_s.size, stride), first)
+        is_taken = np.zeros(time_s.size, dtype=np.bool_)
+        is_taken[::stride] = is_taken[first] = True
+        taken = np.flatnonzero(is_taken)
         rows_body = as_matrix(body.q[taken])
         rows_lever = as_matrix(lever.q[taken])
         level_body = rows_body[:, 0] + 1j * rows_body[:, 1]
@@ -64,10 +66,6 @@ class Blocks:
 
     def __len__(self) -> int:
         return int(self.time_s.size)
-
-    def seen(self, axes: Axes) -> NDArray[np.complex128]:
-        """The mean a conj(b) of each block (m,), for these axes."""
-        return np.asarray(self.level.reshape(-1, 9) @ np.outer(axes.body, axes.lever).ravel(), dtype=np.complex128)
 
     def __getitem__(self, part: slice) -> Blocks:
         names = ("time_s", "level", "upright", "rise_body", "rise_lever", "first")
@@ -97,6 +95,35 @@ class Axes:
     sd_rad: float
 
 
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What each block shows of the heading, with some axes."""
+
+    agreement: NDArray[np.complex128]  # (m,) the mean a conj(b)
+    shown: FloatArray  # (m,) its size: 1 when the hinge is level, 0 when it is vertical
+    scatter: FloatArray  # (m,) variance of the hinge's direction as one attitude sees it against the other, rad^2
+
+    @classmethod
+    def of(cls, blocks: Blocks, axes: Axes, settings: LeverSettings, *, centred: bool) -> Self:
+        """With the scatter over a window before each block or, when `centred`, before and after.
+
+        What heading cannot mend, the difference in elevation, shows how well the two agree just now: a loose hinge and
+        a shaken sensor agree badly. Its mean square is the variance, with `sd_hinge_s` worth of `sd_hinge_rad`.
+        """
+        agreement = blocks.level.reshape(-1, 9) @ np.outer(axes.body, axes.lever).ravel()
+        shown = np.abs(agreement)
+        begin = np.searchsorted(blocks.time_s, blocks.time_s - settings.scatter_window_s)
+        end = np.arange(len(blocks)) + 1
+        if centred:
+            end = np.searchsorted(blocks.time_s, blocks.time_s + settings.scatter_window_s, side="right")
+        sums = np.zeros((2, len(blocks) + 1))
+        np.cumsum(blocks.misfit(axes) ** 2, out=sums[0, 1:])
+        np.cumsum(shown, out=sums[1, 1:])
+        misfit, weight = sums[:, end] - sums[:, begin]
+        prior = settings.sd_hinge_s / blocks.block_s
+        return cls(agreement, shown, (misfit + prior * settings.sd_hinge_rad**2) / (weight + prior))
+
+
 def heading_difference(
     blocks: Blocks,
     axes: Axes,
@@ -111,20 +138,24 @@ def heading_difference(
     A block that shows little of the hinge counts little, one that disagrees wildly is given a larger variance. A lever
     that is probably shut at first (`is_shut_first`) starts with its frame parallel to the body's, about.
     """
-    seen = blocks.seen(axes)
-    start = blocks.level[0].trace() if is_shut_first else seen[0]
+    seen = _Seen.of(blocks, axes, settings, centred=smooth)
+    return _filtered_heading(blocks, axes, seen, settings, smooth=smooth, is_shut_first=is_shut_first)
+
+
+def _filtered_heading(
+    blocks: Blocks, axes: Axes, seen: _Seen, settings: LeverSettings, *, smooth: bool, is_shut_first: bool
+) -> Heading:
+    start = blocks.level[0].trace() if is_shut_first else seen.agreement[0]
     sd_start_rad = settings.sd_shut_first_rad if is_shut_first else math.pi
-    shown = np.abs(seen)
-    scatter = _scatter(blocks, shown, axes, settings, centred=smooth)
-    scatter *= max(1.0, settings.scatter_memory_s / blocks.block_s)  # neighbours err alike
-    scatter += axes.sd_rad**2
-    step_s = np.diff(blocks.time_s, prepend=blocks.time_s[0])
+    alike = max(1.0, settings.scatter_memory_s / blocks.block_s)  # neighbours err alike
+    step_s = np.zeros(len(blocks))
+    np.subtract(blocks.time_s[1:], blocks.time_s[:-1], out=step_s[1:])
     told, known = np.empty((2, len(blocks), 5))
     kernel.filter_heading(
         _view(step_s),
-        _view(np.angle(seen)),
-        _view(shown),
-        _view(scatter),
+        _view(np.angle(seen.agreement)),
+        _view(seen.shown),
+        _view(seen.scatter * alike + axes.sd_rad**2),
         float(np.angle(start)),
         sd_start_rad**2,
         settings.sd_heading_rate_rad_s**2,
@@ -137,26 +168,6 @@ def heading_difference(
     if smooth:
         kernel.smooth_heading(_view(step_s), _view(told), _view(known))
     return Heading(known[:, 0], known[:, 1], np.sqrt(known[:, 2]))
-
-
-def _scatter(
-    blocks: Blocks, shown: FloatArray, axes: Axes, settings: LeverSettings, *, centred: bool = True
-) -> FloatArray:
-    """Variance of the hinge's direction as one attitude sees it against the other, block by block, in rad^2.
-
-    What heading cannot mend, the difference in elevation, shows how well the two agree just now: a loose hinge and a
-    shaken sensor agree badly. Its mean square over a window is the variance, with `sd_hinge_s` worth of `sd_hinge_rad`.
-    """
-    rise = blocks.misfit(axes)
-    begin = np.searchsorted(blocks.time_s, blocks.time_s - settings.scatter_window_s)
-    end = np.arange(len(blocks)) + 1
-    if centred:
-        end = np.searchsorted(blocks.time_s, blocks.time_s + settings.scatter_window_s, side="right")
-    misfit = np.diff(np.concatenate([[0.0], np.cumsum(rise**2)])[np.stack([begin, end])], axis=0)[0]
-    weight = np.diff(np.concatenate([[0.0], np.cumsum(shown)])[np.stack([begin, end])], axis=0)[0]
-    prior = settings.sd_hinge_s / blocks.block_s
-    variance: FloatArray = (misfit + prior * settings.sd_hinge_rad**2) / (weight + prior)
-    return variance
 
 
 def fit_axes(blocks: Blocks, axis: FloatArray, settings: LeverSettings, *, is_shut_first: bool) -> Axes:
@@ -173,16 +184,16 @@ def fit_axes(blocks: Blocks, axis: FloatArray, settings: LeverSettings, *, is_sh
     known = 1.0 / settings.sd_axis_rad**2
     ramp = np.stack([np.ones(len(blocks)), np.linspace(-1.0, 1.0, len(blocks))])
     for _ in range(settings.n_axis_fits):
-        heading = heading_difference(blocks, axes, settings, smooth=True, is_shut_first=is_shut_first)
-        seen = blocks.seen(axes)
+        seen = _Seen.of(blocks, axes, settings, centred=True)
+        heading = _filtered_heading(blocks, axes, seen, settings, smooth=True, is_shut_first=is_shut_first)
         turn = np.exp(-1j * heading.rad)
-        weight = share / _scatter(blocks, np.abs(seen), axes, settings)
+        weight = share / seen.scatter
         # |u - v|^2 is 2 - 2 axes.body @ (level.real + upright) @ axes.lever, the level turned by the heading; its slope
         # with heading is the imaginary part.
         turned = ((ramp * weight * turn) @ blocks.level.reshape(-1, 9)).reshape(2, 3, 3)
         agree = turned[0].real + (weight @ blocks.upright.reshape(-1, 9)).reshape(3, 3)
         slope = turned.imag
-        bend = (ramp * weight * np.abs(seen)) @ ramp.T
+        bend = (ramp * weight * seen.shown) @ ramp.T
         body, lever = _across(axes.body), _across(axes.lever)
         total = weight.sum()
         cross = body.T @ agree @ lever

@@ -18,17 +18,31 @@ IDENTITY: FloatArray = np.array([1.0, 0.0, 0.0, 0.0])
 IDENTITY.flags.writeable = False
 
 
+def components(v: FloatArray) -> FloatArray:
+    """The components of quaternions or vectors, each for all of them: (4, ...) from (..., 4), contiguous.
+
+    Arithmetic on one component after the other is some five times as fast as on four-tuples.
+    """
+    v = np.asarray(v)
+    return np.ascontiguousarray(v.T if v.ndim < 3 else np.moveaxis(v, -1, 0))
+
+
+def from_components(*parts: FloatArray) -> FloatArray:
+    """Quaternions or vectors (..., k) from their k components of equal shape; a view with the components outermost."""
+    joined = np.array(parts)
+    return joined.T if joined.ndim < 3 else np.moveaxis(joined, 0, -1)
+
+
 def multiply(p: FloatArray, q: FloatArray) -> FloatArray:
     """Hamilton product: `multiply(q_a_b, q_b_c)` is `q_a_c`."""
-    p, q = np.asarray(p), np.asarray(q)
-    pw, px, py, pz = (p[..., k] for k in range(4))
-    qw, qx, qy, qz = (q[..., k] for k in range(4))
-    product = np.empty((*np.broadcast(pw, qw).shape, 4))
-    product[..., 0] = pw * qw - px * qx - py * qy - pz * qz
-    product[..., 1] = pw * qx + px * qw + py * qz - pz * qy
-    product[..., 2] = pw * qy - px * qz + py * qw + pz * qx
-    product[..., 3] = pw * qz + px * qy - py * qx + pz * qw
-    return product
+    pw, px, py, pz = components(p)
+    qw, qx, qy, qz = components(q)
+    return from_components(
+        pw * qw - px * qx - py * qy - pz * qz,
+        pw * qx + px * qw + py * qz - pz * qy,
+        pw * qy - px * qz + py * qw + pz * qx,
+        pw * qz + px * qy - py * qx + pz * qw,
+    )
 
 
 def conjugate(q: FloatArray) -> FloatArray:
@@ -38,35 +52,34 @@ def conjugate(q: FloatArray) -> FloatArray:
 
 
 def normalise(q: FloatArray) -> FloatArray:
-    unit: FloatArray = np.asarray(q) / np.linalg.norm(q, axis=-1, keepdims=True)
+    w, x, y, z = components(q)
+    unit: FloatArray = np.asarray(q) / np.sqrt(w * w + x * x + y * y + z * z)[..., None]
     return unit
 
 
 def rotate(q: FloatArray, v: FloatArray) -> FloatArray:
     """`rotate(q_a_b, v_b)` is `v_a`."""
-    q = np.asarray(q)
-    v = np.asarray(v)
-    w, u = q[..., :1], q[..., 1:]
-    t = 2.0 * np.cross(u, v)
-    rotated: FloatArray = v + w * t + np.cross(u, t)
-    return rotated
+    w, x, y, z = components(q)
+    a, b, c = components(v)
+    ta, tb, tc = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    return from_components(
+        a + w * ta + (y * tc - z * tb),
+        b + w * tb + (z * ta - x * tc),
+        c + w * tc + (x * tb - y * ta),
+    )
 
 
 def as_matrix(q: FloatArray) -> FloatArray:
     """Rotation matrices (..., 3, 3): `as_matrix(q_a_b) @ v_b` is `v_a`."""
-    q = np.asarray(q)
-    w, x, y, z = (q[..., k] for k in range(4))
-    matrix = np.empty((*q.shape[:-1], 3, 3))
-    matrix[..., 0, 0] = 1 - 2 * (y * y + z * z)
-    matrix[..., 0, 1] = 2 * (x * y - w * z)
-    matrix[..., 0, 2] = 2 * (x * z + w * y)
-    matrix[..., 1, 0] = 2 * (x * y + w * z)
-    matrix[..., 1, 1] = 1 - 2 * (x * x + z * z)
-    matrix[..., 1, 2] = 2 * (y * z - w * x)
-    matrix[..., 2, 0] = 2 * (x * z - w * y)
-    matrix[..., 2, 1] = 2 * (y * z + w * x)
-    matrix[..., 2, 2] = 1 - 2 * (x * x + y * y)
-    return matrix
+    w, x, y, z = components(q)
+    rows = np.array(
+        (
+            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+        )
+    )
+    return rows if rows.ndim == 2 else np.moveaxis(rows, (0, 1), (-2, -1))
 
 
 def from_rotation_vector(v: FloatArray) -> FloatArray:
@@ -79,21 +92,20 @@ def from_rotation_vector(v: FloatArray) -> FloatArray:
 
 def about_z(angle_rad: FloatArray) -> FloatArray:
     """The rotation about z, the room's vertical, by each angle."""
-    half = np.asarray(angle_rad)[..., None] / 2
+    half = np.asarray(angle_rad) / 2
     zero = np.zeros_like(half)
-    return np.concatenate([np.cos(half), zero, zero, np.sin(half)], axis=-1)
+    return from_components(np.cos(half), zero, zero, np.sin(half))
 
 
 def slerp(p: FloatArray, q: FloatArray, share: FloatArray) -> FloatArray:
     """The rotation `share` of the shorter way from p to q; shapes (n, 4), (n, 4), (n,)."""
-    cosine = np.sum(p * q, axis=-1)
-    q = np.where(cosine[..., None] < 0.0, -q, q)
+    p, q = components(p), components(q)
+    cosine = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
     angle = np.arccos(np.minimum(np.abs(cosine), 1.0))
-    # np.sinc(x) is sin(pi x) / (pi x): finite and exact at zero.
-    whole = np.sinc(angle / np.pi)
-    from_p = (1.0 - share) * np.sinc((1.0 - share) * angle / np.pi) / whole
-    from_q = share * np.sinc(share * angle / np.pi) / whole
-    return normalise(from_p[..., None] * p + from_q[..., None] * q)
+    sine = np.maximum(np.sin(angle), 1e-300)  # of equal rotations, of which p's share is then nothing
+    from_q = np.where(angle > 0.0, np.sin(share * angle) / sine, 1.0)
+    from_p = np.where(angle > 0.0, np.sin((1.0 - share) * angle) / sine, 0.0)
+    return normalise((from_p * p + np.copysign(from_q, cosine) * q).T)
 
 
 def to_rotation_vector(q: FloatArray) -> FloatArray:
@@ -127,13 +139,13 @@ def from_two_vectors(v_a: FloatArray, v_b: FloatArray) -> FloatArray:
 
 def up_in(q_ref_body: FloatArray) -> FloatArray:
     """The room's vertical in the body's frame."""
-    w, x, y, z = np.moveaxis(np.asarray(q_ref_body), -1, 0)
-    return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1)
+    w, x, y, z = components(q_ref_body)
+    return from_components(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
 
 
 def tilt_from_upright(q_ref_body: FloatArray) -> FloatArray:
     """Angle in [0, pi] between the body's z axis and the room's."""
-    _, x, y, _ = np.moveaxis(np.asarray(q_ref_body), -1, 0)
+    _, x, y, _ = components(q_ref_body)
     # 1 - cos(tilt) = 2 (x^2 + y^2): no loss of digits near upright.
     return np.asarray(2.0 * np.arcsin(np.sqrt(np.clip(x * x + y * y, 0.0, 1.0))))
 
@@ -144,12 +156,13 @@ def split_twist(q: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArray
     Returns the twist angle in [-pi, pi) and the angle of the rest (swing) in [0, pi].
     Source: Dobrowolski (2015), arXiv:1506.05481.
     """
-    q = np.asarray(q)
-    along = np.sum(q[..., 1:] * axis, axis=-1)
-    twist = 2.0 * np.arctan2(along, q[..., 0])
-    twist = np.mod(twist + np.pi, 2 * np.pi) - np.pi
-    across = np.linalg.norm(q[..., 1:] - along[..., None] * axis, axis=-1)
-    swing = 2.0 * np.arctan2(across, np.hypot(along, q[..., 0]))
+    w, x, y, z = components(q)
+    a, b, c = components(axis)
+    along = x * a + y * b + z * c
+    twist = 2.0 * np.arctan2(along, w)
+    twist = twist - 2.0 * np.pi * np.floor((twist + np.pi) / (2.0 * np.pi))
+    across = np.sqrt((x - along * a) ** 2 + (y - along * b) ** 2 + (z - along * c) ** 2)
+    swing = 2.0 * np.arctan2(across, np.sqrt(along * along + w * w))
     return np.asarray(twist), np.asarray(swing)
 
 

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from inhalemon.rotation import slerp
+from inhalemon.rotation import components, from_components, slerp
 from inhalemon.values import AttitudeTrack, BoolArray, FloatArray, IntArray
 
 
 def resample_attitude(track: AttitudeTrack, time_s: FloatArray) -> AttitudeTrack:
     """The attitude at other times, by the shortest turn between the two samples around each; held beyond the ends."""
-    after = np.clip(np.searchsorted(track.time_s, time_s, side="right"), 1, track.time_s.size - 1)
-    before = after - 1
-    step = track.time_s[after] - track.time_s[before]
-    share = np.clip((time_s - track.time_s[before]) / step, 0.0, 1.0)
-    bias = [np.interp(time_s, track.time_s, column) for column in track.gyr_bias_rad_s.T]
+    n = track.time_s.size
+    place = np.interp(time_s, track.time_s, np.arange(n))  # a sample number and the share of the way to the next
+    before = np.minimum(place.astype(np.int64), max(n - 2, 0))
+    q = components(track.q)
     return AttitudeTrack(
         time_s=time_s,
-        q=slerp(track.q[before], track.q[after], share),
+        q=slerp(q[:, before].T, q[:, np.minimum(before + 1, n - 1)].T, place - before),
         sd_tilt_rad=np.interp(time_s, track.time_s, track.sd_tilt_rad),
-        gyr_bias_rad_s=np.stack(bias, axis=-1),
+        gyr_bias_rad_s=from_components(
+            *(np.interp(time_s, track.time_s, column) for column in components(track.gyr_bias_rad_s))
+        ),
         r=np.interp(time_s, track.time_s, track.r),
         r_unit=track.r_unit,
     )
@@ -27,18 +28,18 @@ def resample_attitude(track: AttitudeTrack, time_s: FloatArray) -> AttitudeTrack
 
 def moving_mean(values: FloatArray, width: int) -> FloatArray:
     """Mean over a centred window of `width` samples; at the ends over what is there. Shape as given."""
+    columns = values.T  # time last: each column's sums in one stretch of memory
     n = values.shape[0]
     before, after = min(width // 2, n), min(width - width // 2, n)
-    sums = np.zeros((n + 1, *values.shape[1:]))
-    np.cumsum(values, axis=0, out=sums[1:])
-    start = np.maximum(np.arange(n) - before, 0)
-    lengths = np.minimum(np.arange(n) + after, n) - start
-    means = np.empty(sums[1:].shape)
-    means[: n - after] = sums[after:n]
-    means[n - after :] = sums[n]
-    means[before:] -= sums[: n - before]
-    means /= lengths.reshape(-1, *[1] * (values.ndim - 1))
-    return means
+    sums = np.zeros((*columns.shape[:-1], n + 1))
+    np.cumsum(columns, axis=-1, out=sums[..., 1:])
+    number = np.arange(n)
+    means = np.empty(columns.shape)
+    means[..., : n - after] = sums[..., after:n]
+    means[..., n - after :] = sums[..., n:]
+    means[..., before:] -= sums[..., : n - before]
+    means /= np.minimum(number + after, n) - np.maximum(number - before, 0)
+    return means.T
 
 
 def quantile(values: FloatArray, share: float) -> FloatArray:
@@ -54,10 +55,15 @@ def quantile(values: FloatArray, share: float) -> FloatArray:
     return between
 
 
+def squares(vectors: FloatArray) -> FloatArray:
+    """The square (n,) of the length of each of n vectors."""
+    squared: FloatArray = np.einsum("ij,ij->i", vectors, vectors)
+    return squared
+
+
 def lengths(vectors: FloatArray) -> FloatArray:
     """The length (n,) of each of n vectors."""
-    squares: FloatArray = np.einsum("ij,ij->i", vectors, vectors)
-    return np.sqrt(squares)
+    return np.sqrt(squares(vectors))
 
 
 def runs(is_true: BoolArray) -> IntArray:

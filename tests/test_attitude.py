@@ -204,6 +204,15 @@ def test_the_same_samples_give_the_same_bits(settings):
         assert np.array_equal(getattr(first, name), getattr(second, name))
 
 
+def test_smoothing_in_blocks_is_the_same_to_the_bit(monkeypatch):
+    track, _ = waving(1)
+    whole = estimate_attitude(track, SMOOTH)
+    monkeypatch.setattr(stage, "BLOCK", 300)
+    in_blocks = estimate_attitude(track, SMOOTH)
+    for name in ("q", "sd_tilt_rad", "gyr_bias_rad_s", "r"):
+        assert np.array_equal(getattr(whole, name), getattr(in_blocks, name))
+
+
 def test_later_samples_do_not_change_the_causal_estimate():
     track, _ = waving(1)
     part = ImuTrack(track.time_s[:1500], track.acc_m_s2[:1500], track.gyr_rad_s[:1500])

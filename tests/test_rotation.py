@@ -75,3 +75,26 @@ def test_the_sources_matrix_is_our_body_ref(q):
     )
     np.testing.assert_allclose(source_a, rotation.as_matrix(rotation.conjugate(q)), atol=1e-12)
     np.testing.assert_allclose(rotation.from_source(rotation.to_source(q)), q)
+
+
+def test_many_at_once_are_the_same_as_one_by_one():
+    rng = np.random.default_rng(3)
+    p, q = rng.standard_normal((2, 5, 4)), rng.standard_normal((5, 4))
+    v = rng.standard_normal((2, 5, 3))
+    each = [(i, j) for i in range(2) for j in range(5)]
+    for i, j in each:
+        np.testing.assert_array_equal(rotation.multiply(p, q)[i, j], rotation.multiply(p[i, j], q[j]))
+        np.testing.assert_array_equal(rotation.multiply(q, p[i, j])[j], rotation.multiply(q[j], p[i, j]))
+        np.testing.assert_array_equal(rotation.rotate(p, v)[i, j], rotation.rotate(p[i, j], v[i, j]))
+        np.testing.assert_array_equal(rotation.as_matrix(p)[i, j], rotation.as_matrix(p[i, j]))
+        np.testing.assert_array_equal(rotation.up_in(p)[i, j], rotation.up_in(p[i, j]))
+        np.testing.assert_allclose(rotation.normalise(p)[i, j], p[i, j] / np.linalg.norm(p[i, j]), rtol=1e-15)
+
+
+@given(quaternions, vectors, st.floats(0.0, 1.0), st.sampled_from([1.0, -1.0]))
+def test_interpolation_goes_a_share_of_the_shorter_way(p, turn, share, sign):
+    turn = turn * min(1.0, 3.0 / max(np.linalg.norm(turn), 1e-9))  # less than half a turn: one way is shorter
+    q = sign * rotation.multiply(p, rotation.from_rotation_vector(turn))
+    there = rotation.slerp(p[None], q[None], np.array([share]))[0]
+    wanted = rotation.multiply(p, rotation.from_rotation_vector(share * turn))
+    assert rotation.angle_between(there, wanted) < 1e-7

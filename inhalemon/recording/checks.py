@@ -11,7 +11,7 @@ from inhalemon.exceptions import RecordingError
 from inhalemon.recording import layout
 from inhalemon.recording.csv_table import RowBlock, not_finite
 from inhalemon.recording.layout import Columns
-from inhalemon.values import BoolArray, FloatArray, SensorName
+from inhalemon.values import BoolArray, FloatArray, SensorName, usual_step_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +54,10 @@ def gather(blocks: Iterable[tuple[Columns, RowBlock]], *, file: str) -> dict[Sen
 
 
 def _check_values(columns: Columns, block: RowBlock, file: str) -> None:
-    with np.errstate(invalid="ignore"):
-        is_wrong = ~(np.abs(block.values) <= np.array(columns.largest))
-    if not is_wrong.any():
+    is_right = np.abs(block.values) <= np.array(columns.largest)  # false for what is no number
+    if is_right.all():
         return
-    row, position = (int(i) for i in np.argwhere(is_wrong)[0])
+    row, position = (int(i) for i in np.argwhere(~is_right)[0])
     value, name = float(block.values[row, position]), columns.names[position]
     line = block.first_line + row
     if not np.isfinite(value):
@@ -79,7 +78,7 @@ def _add(sensor: _Gathered, columns: Columns, block: RowBlock, is_its: BoolArray
     rows = np.flatnonzero(is_its)
     if rows.size == 0:
         return None
-    values = block.values if rows.size == len(block.values) else block.values[rows]
+    values = block.values if rows.size == len(block.values) else block.values.take(rows, axis=0)
     time = np.ascontiguousarray(values[:, columns.time])
     steps = np.diff(time, prepend=sensor.last_time_s)
     if (steps <= 0).any():
@@ -131,7 +130,7 @@ def _check_duration_and_rate(name: SensorName, time_s: FloatArray, file: str) ->
     """A sample stands for one step, so 200 samples at 100 Hz last 2 s."""
     if time_s.size < 2:
         raise _too_short(name, f"{time_s.size} sample", file)
-    step_s = float(np.median(np.diff(time_s)))
+    step_s = usual_step_s(time_s)
     length_s = float(time_s[-1] - time_s[0])
     rate_hz = 1.0 / step_s
     slack = layout.RATE_TOLERANCE

@@ -44,7 +44,7 @@ def unpacked_blocks(stream: BinaryIO, kind: str, head: bytes, *, file: str) -> I
     """The unpacked bytes, block by block. Raises `RecordingError` (`too_large`, `bad_compression`)."""
     total = 0
     try:
-        for block in _blocks(io.BufferedReader(_Rejoined(head, stream)), kind):
+        for block in _blocks(stream, kind, head):
             total += len(block)
             if total > MAX_UNPACKED_BYTES:
                 raise too_large(file)
@@ -69,11 +69,15 @@ def too_large(file: str) -> RecordingError:
     )
 
 
-def _blocks(stream: BinaryIO, kind: str) -> Iterator[bytes]:
+def _blocks(stream: BinaryIO, kind: str, head: bytes) -> Iterator[bytes]:
     if kind == "zstd":
-        yield from _zstd_blocks(stream)
+        yield from _zstd_blocks(io.BufferedReader(_Rejoined(head, stream)))
         return
-    source = gzip.GzipFile(fileobj=stream, mode="rb") if kind == "gzip" else stream
+    source: BinaryIO | gzip.GzipFile = stream
+    if kind == "gzip":
+        source = gzip.GzipFile(fileobj=io.BufferedReader(_Rejoined(head, stream)), mode="rb")
+    else:
+        yield head + source.read(BLOCK_BYTES)
     while block := source.read(BLOCK_BYTES):
         yield block
 

@@ -22,13 +22,14 @@ from inhalemon import _source_kernel as source_kernel
 from inhalemon.exceptions import RecordingError
 from inhalemon.rotation import from_source, from_two_vectors, to_source
 from inhalemon.settings import AttitudeMethod, AttitudeSettings
+from inhalemon.signals import squares
 from inhalemon.values import AttitudeTrack, FloatArray, ImuTrack
 
 log = logging.getLogger(__name__)
 
 GRAVITY_M_S2 = 9.80665
 GYR_SATURATED, ACC_SATURATED = 1, 2  # the bits of a sample's flags in the kernel
-BLOCK = 256  # samples between the states that the smoother keeps; what it keeps of a block fits a processor's cache
+BLOCK = 8192  # samples between the states that the smoother keeps: most sessions are one block, gone through once
 
 
 def estimate_attitude(track: ImuTrack, settings: AttitudeSettings | None = None) -> AttitudeTrack:
@@ -135,7 +136,7 @@ def _smooth(
     time_s, gyr, acc, flags = samples
     n = len(time_s)
     q, bias, tilt_var, r, _ = out.views
-    tape, marks = np.empty((BLOCK, 128)), np.empty((BLOCK, 7), dtype=np.intp)
+    tape, marks = np.empty((min(BLOCK, n), 128)), np.empty((min(BLOCK, n), 7), dtype=np.intp)
     is_row = np.zeros(n, dtype=np.uint8)
     akf = _new_filter(settings)
     akf.start_s = 0.0  # a finished recording needs no careful start: what comes later corrects it
@@ -145,7 +146,8 @@ def _smooth(
     for first in range(0, n, BLOCK):
         states.append(kernel.AttitudeFilter())
         states[-1].take(akf)
-        akf.skip(time_s, gyr, acc, flags, r, first, min(first + BLOCK, n))
+        if first + BLOCK < n:
+            akf.skip(time_s, gyr, acc, flags, r, first, first + BLOCK)
     smoother = kernel.Smoother()
     for block in range(len(states) - 1, -1, -1):
         first = block * BLOCK
@@ -196,7 +198,7 @@ def _new_filter(settings: AttitudeSettings) -> kernel.AttitudeFilter:
 def _as_track(track: ImuTrack, out: _Estimate, settings: AttitudeSettings) -> AttitudeTrack:
     """Brings the attitude from the gyro's delayed time to the sample's, and adds to sd what the filter cannot know."""
     kernel.look_ahead(_view(track.gyr_rad_s), _view(out.bias), settings.gyr_delay_s, _view(out.q))
-    rate2 = np.einsum("ij,ij->i", track.gyr_rad_s, track.gyr_rad_s)
+    rate2 = squares(track.gyr_rad_s)
     unseen_var = (settings.sd_acc_bias_m_s2 / GRAVITY_M_S2) ** 2 + 0.5 * settings.sd_delay_s**2 * rate2
     sd = np.sqrt(np.maximum(out.tilt_var, 0.0) + unseen_var)
     return AttitudeTrack(track.time_s, out.q, sd, out.bias, out.r, r_unit="m2/s2")

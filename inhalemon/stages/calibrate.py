@@ -9,6 +9,7 @@ import numpy as np
 from inhalemon.hinge import Blocks, fit_axes, heading_difference
 from inhalemon.rotation import about_z, conjugate, from_rotation_vector, from_two_vectors, multiply, split_twist
 from inhalemon.settings import LeverSettings
+from inhalemon.signals import quantile
 from inhalemon.values import AttitudeTrack, Calibration, FloatArray, IntArray
 
 
@@ -110,7 +111,7 @@ def _shut(
     if kept.size == 0 or n_near.max() < n_wanted:
         return q_aligned, settings.sd_zero_rad
     lowest = int(np.argmax(n_near >= max(n_wanted, settings.min_shut_share * n_near.max())))
-    middle_rad = float(np.median(kept[lowest : lowest + n_near[lowest]]))
+    middle_rad = float(quantile(kept[lowest : lowest + n_near[lowest]], 0.5))
     near = kept[np.abs(kept - middle_rad) < width / 2]
     n_independent = 1.0 + near.size * settings.block_s / settings.axis_memory_s
     q_shut = multiply(from_rotation_vector(np.mean(near) * axis_body), q_aligned)

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from inhalemon.rotation import components
 from inhalemon.settings import ClockSettings
+from inhalemon.signals import quantile
 from inhalemon.values import BoolArray, ClockFit, FloatArray, ImuTrack, IntArray, Recording
 
 _REST_BLOCK_S = 0.5
@@ -21,7 +23,7 @@ class _Rates:
     """One sensor's angular rates without their rest bias."""
 
     time_s: FloatArray  # (n,)
-    gyr_rad_s: FloatArray  # (n, 3)
+    gyr_rad_s: FloatArray  # (3, n) each axis by itself
     is_good: BoolArray  # (n,) neither saturated nor beside a gap
     noise_rad_s: float  # root mean square of all three axes when stillest
     has_rest: bool  # so still, that the bias is known
@@ -87,17 +89,18 @@ def _unknown(recording: Recording, settings: ClockSettings) -> ClockFit:
 
 
 def _rates(track: ImuTrack) -> _Rates:
-    time_s, gyr = track.time_s, track.gyr_rad_s
+    time_s = track.time_s
     step_s = np.diff(time_s)
-    usual_s = float(np.median(step_s))
+    usual_s = track.usual_step_s
     n_block = max(4, round(_REST_BLOCK_S / usual_s))
-    blocks = gyr[: gyr.shape[0] // n_block * n_block].reshape(-1, n_block, 3)
+    blocks = track.gyr_rad_s[: time_s.size // n_block * n_block].reshape(-1, n_block, 3)
     means = np.einsum("ijk->ik", blocks) / n_block
     variance = np.einsum("ijk,ijk->i", blocks, blocks) / n_block - np.einsum("ij,ij->i", means, means)
     stillest = int(np.argmin(variance))
     noise = float(np.sqrt(max(variance[stillest], 0.0)))
+    gyr = components(track.gyr_rad_s)
     if noise < _MAX_HELD_SD_RAD_S:
-        gyr = gyr - means[stillest]
+        gyr = gyr - means[stillest][:, None]
     is_whole = step_s < 2.5 * usual_s
     is_good = np.ones(time_s.size, dtype=np.bool_)
     is_good[1:] &= is_whole
@@ -207,7 +210,7 @@ def _refine(
     lever_moves: bool,
 ) -> _Fitted | None:
     """Gauss-Newton from `start` on the chosen samples of the lever; `None` when there are too few."""
-    time_s, gyr_lever = lever.time_s[chosen], lever.gyr_rad_s[chosen]
+    time_s, gyr_lever = lever.time_s[chosen], lever.gyr_rad_s[:, chosen]
     since = time_s - reference_s
     sd = np.array(
         [np.inf, settings.sd_drift, settings.sd_scale, *[settings.sd_bias_rad_s] * 6, *[settings.sd_axis_rad] * 4]
@@ -220,32 +223,32 @@ def _refine(
         rate, change, is_inside = _interpolated(body, time_s + unknowns[_OFFSET] + unknowns[_DRIFT] * since)
         if np.count_nonzero(is_inside) < settings.min_samples:
             return None
-        here, towards, along = _length(rate - unknowns[_BIAS_BODY], unknowns[_AXIS_BODY] if lever_moves else None)
+        here, towards, along = _length(rate - unknowns[_BIAS_BODY, None], unknowns[_AXIS_BODY] if lever_moves else None)
         there, towards_lever, along_lever = _length(
-            gyr_lever - unknowns[_BIAS_LEVER], unknowns[_AXIS_LEVER] if lever_moves else None
+            gyr_lever - unknowns[_BIAS_LEVER, None], unknowns[_AXIS_LEVER] if lever_moves else None
         )
-        slope = np.einsum("ij,ij->i", towards, change)
-        columns = [slope, slope * since, here]
+        slope = (towards * change).sum(axis=0)
+        rows = [slope, slope * since, here]
         if not has_rest:
-            columns += [*-towards.T, *towards_lever.T]
+            rows += [*-towards, *towards_lever]
         if lever_moves:
-            columns += [-along * towards[:, 1], -along * towards[:, 2]]
-            columns += [along_lever * towards_lever[:, 1], along_lever * towards_lever[:, 2]]
-        design = np.stack(columns, axis=1)
+            rows += [-along * towards[1], -along * towards[2]]
+            rows += [along_lever * towards_lever[1], along_lever * towards_lever[2]]
+        design = np.array(rows)
         residual = there - (1.0 + unknowns[_SCALE]) * here
         weight = _weights(residual, here, is_inside, settings)
-        weighted = design * weight[:, None]
-        normal = weighted.T @ design + prior
-        step = np.linalg.solve(normal, weighted.T @ residual - prior @ unknowns[free])
+        weighted = design * weight
+        normal = weighted @ design.T + prior
+        step = np.linalg.solve(normal, weighted @ residual - prior @ unknowns[free])
         step[_OFFSET] = np.clip(step[_OFFSET], -settings.max_step_s, settings.max_step_s)
         unknowns[free] += step
         if abs(step[_OFFSET]) < settings.converged_s and np.all(np.abs(step[3:]) < settings.converged_rest):
             break
-    residual = residual - design @ step
+    residual = residual - step @ design
     inverse = np.linalg.inv(normal)
     block = np.floor(time_s - time_s[0]).astype(np.int64)
-    scores = np.stack([np.bincount(block, column * residual) for column in weighted.T], axis=1)
-    covariance = inverse @ (scores.T @ scores + prior) @ inverse
+    scores = np.array([np.bincount(block, row * residual) for row in weighted])
+    covariance = inverse @ (scores @ scores.T + prior) @ inverse
     sd_offset, sd_drift = np.sqrt(np.diag(covariance))[:2]
     variance = np.average((there - np.average(there, weights=weight)) ** 2, weights=weight)
     left = np.average(residual**2, weights=weight)
@@ -265,42 +268,42 @@ def _refine(
 
 def _weights(residual: FloatArray, here: FloatArray, is_inside: BoolArray, settings: ClockSettings) -> FloatArray:
     """Tukey's weights over the variance: sensor noise, a share of the speed, and nothing for the lever's own motion."""
-    spread = 1.4826 * float(np.median(np.abs(residual[is_inside])))
+    spread = 1.4826 * float(quantile(np.abs(residual[is_inside]), 0.5))
     variance = max(spread, settings.sd_noise_rad_s) ** 2 + (settings.sd_scale * here) ** 2
     beyond = residual**2 / (settings.tukey**2 * variance)
     return np.where(is_inside, np.maximum(1.0 - beyond, 0.0) ** 2 / variance, 0.0)
 
 
 def _length(rate: FloatArray, axis_yz: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Length (n,) and direction (n, 3) of the rate, or of its part across an axis, and the part along the axis (n,)."""
-    along = np.zeros(rate.shape[0])
+    """Length (n,) and direction (3, n) of the rate, or of its part across an axis, and the part along the axis (n,)."""
+    along = np.zeros(rate.shape[1])
     across = rate
     if axis_yz is not None:
         axis = np.array([1.0, *axis_yz])
         axis /= np.linalg.norm(axis)
-        along = rate @ axis
-        across = rate - along[:, None] * axis
-    length = np.sqrt(np.einsum("ij,ij->i", across, across)) + 1e-9
-    return length, across / length[:, None], along
+        along = axis @ rate
+        across = rate - axis[:, None] * along
+    length = np.sqrt((across * across).sum(axis=0)) + 1e-9
+    return length, across / length, along
 
 
 def _interpolated(body: _Rates, at: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """The body's rate (n, 3) and its change at any times, by cubics (Catmull-Rom, uneven times), and where it is known.
+    """The body's rate (3, n) and its change at any times, by cubics (Catmull-Rom, uneven times), and where it is known.
 
     The vectors are interpolated, not their lengths: the length has a corner where the motion turns back.
     """
     time_s, gyr = body.time_s, body.gyr_rad_s
     index = np.clip(np.searchsorted(time_s, at, side="right") - 1, 1, time_s.size - 3)
     t_0, t_1, t_2, t_3 = (time_s[index + k] for k in (-1, 0, 1, 2))
-    v_0, v_1, v_2, v_3 = (gyr[index + k] for k in (-1, 0, 1, 2))
-    h = (t_2 - t_1)[:, None]
-    tangent_1 = (v_2 - v_0) * (h / (t_2 - t_0)[:, None])
-    tangent_2 = (v_3 - v_1) * (h / (t_3 - t_1)[:, None])
-    u = (at - t_1)[:, None] / h
+    v_0, v_1, v_2, v_3 = (gyr[:, index + k] for k in (-1, 0, 1, 2))
+    h = t_2 - t_1
+    tangent_1 = (v_2 - v_0) * (h / (t_2 - t_0))
+    tangent_2 = (v_3 - v_1) * (h / (t_3 - t_1))
+    u = (at - t_1) / h
     rise = v_2 - v_1
     c_2 = 3.0 * rise - 2.0 * tangent_1 - tangent_2
     c_3 = tangent_1 + tangent_2 - 2.0 * rise
     rate = v_1 + u * (tangent_1 + u * (c_2 + u * c_3))
     change = (tangent_1 + u * (2.0 * c_2 + 3.0 * u * c_3)) / h
-    is_inside = (u[:, 0] >= 0.0) & (u[:, 0] <= 1.0) & body.is_good[index] & body.is_good[index + 1]
+    is_inside = (u >= 0.0) & (u <= 1.0) & body.is_good[index] & body.is_good[index + 1]
     return rate, change, is_inside

@@ -26,9 +26,11 @@ def lever_angle(body: AttitudeTrack, lever: AttitudeTrack, calibration: Calibrat
     q_opened = multiply(q_body_lever, conjugate(calibration.q_shut))
     twist, off_axis = split_twist(q_opened, calibration.axis_body)
 
-    upright = np.sum(up_in(body.q) * calibration.axis_body, axis=-1) ** 2
+    upright = np.einsum("ij,ij->i", up_in(body.q), calibration.axis_body) ** 2
     tilt = body.sd_tilt_rad**2 + lever.sd_tilt_rad**2
     if calibration.sd_alike_rad is not None:
         tilt = 2.0 * np.sin(twist / 2.0) ** 2 * tilt + calibration.sd_alike_rad**2
     variance = upright * calibration.sd_heading_rad**2 + (1.0 - upright) * tilt + calibration.sd_shut_rad**2
-    return LeverTrack(time_s=body.time_s, angle_rad=np.unwrap(twist), sd_rad=np.sqrt(variance), off_axis_rad=off_axis)
+    turns = np.round(np.diff(twist, prepend=twist[:1]) / (2.0 * np.pi))
+    angle = twist - 2.0 * np.pi * np.cumsum(turns)
+    return LeverTrack(time_s=body.time_s, angle_rad=angle, sd_rad=np.sqrt(variance), off_axis_rad=off_axis)

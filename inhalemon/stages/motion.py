@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import solveh_banded
 
-from inhalemon.rotation import tilt_from_upright
+from inhalemon.rotation import components, from_components, normalise, rotate, tilt_from_upright, up_in
 from inhalemon.settings import MotionSettings
-from inhalemon.signals import moving_mean
+from inhalemon.signals import moving_mean, squares
 from inhalemon.values import AttitudeTrack, BoolArray, FloatArray, LeverTrack, Motion, Recording
 
 GRAVITY_M_S2 = 9.80665
@@ -45,11 +45,10 @@ def describe_motion(
     time_s = body.time_s[0] + (np.arange(n) + 0.5) * step
     width = max(round(body.rate_hz / settings.rate_hz), 1)
 
-    q = _on_grid(time_s, attitude.time_s, attitude.q, 1)
-    q /= np.sqrt(np.einsum("ij,ij->i", q, q))[:, None]
+    q = normalise(_on_grid(time_s, attitude.time_s, attitude.q, 1))
     gyr = _on_grid(time_s, body.time_s, body.gyr_rad_s - attitude.gyr_bias_rad_s, width)
     force = _on_grid(time_s, body.time_s, body.acc_m_s2, width)
-    acc_ref = _rotated(q, force)
+    acc_ref = rotate(q, force)
     acc_ref[:, 2] -= GRAVITY_M_S2
     angle = lever_sign * _on_grid(time_s, lever.time_s, lever.angle_rad[:, None], 1)[:, 0]
 
@@ -58,7 +57,7 @@ def describe_motion(
     )
     activity = _activity(acc_ref, gyr, settings)
     velocity, offset = _velocity(acc_ref, activity, is_gap, settings)
-    up = _up_in_body(q)
+    up = up_in(q)
     return Motion(
         time_s=time_s,
         rate_hz=settings.rate_hz,
@@ -80,7 +79,7 @@ def describe_motion(
 
 def _on_grid(grid_s: FloatArray, time_s: FloatArray, values: FloatArray, width: int) -> FloatArray:
     smoothed = moving_mean(values, width) if width > 1 else values
-    return np.stack([np.interp(grid_s, time_s, column) for column in smoothed.T], axis=1)
+    return from_components(*(np.interp(grid_s, time_s, column) for column in components(smoothed)))
 
 
 def _in_gaps(grid_s: FloatArray, time_s: FloatArray, long_gap_s: float) -> BoolArray:
@@ -90,20 +89,6 @@ def _in_gaps(grid_s: FloatArray, time_s: FloatArray, long_gap_s: float) -> BoolA
     return is_gap
 
 
-def _rotated(q: FloatArray, v: FloatArray) -> FloatArray:
-    """`rotation.rotate` for equal shapes (n, 4), (n, 3), an eighth of its time."""
-    w, x, y, z = q.T
-    a, b, c = v.T
-    tx, ty, tz = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
-    return np.stack([a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx], axis=1)
-
-
-def _up_in_body(q: FloatArray) -> FloatArray:
-    """The room's up in the body frame, (n, 3): the last row of the rotation matrix."""
-    w, x, y, z = q.T
-    return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
-
-
 def _activity(acc_ref: FloatArray, gyr: FloatArray, settings: MotionSettings) -> FloatArray:
     """How far from still, 1 at the border: slow acceleration's spread over 0.4 s and slow angular rate, in squares.
 
@@ -111,12 +96,10 @@ def _activity(acc_ref: FloatArray, gyr: FloatArray, settings: MotionSettings) ->
     """
     slow = moving_mean(acc_ref, round(0.2 * settings.rate_hz))
     wide = round(0.4 * settings.rate_hz)
-    spread = moving_mean(slow * slow, wide) - moving_mean(slow, wide) ** 2
+    spread = moving_mean(squares(slow), wide) - squares(moving_mean(slow, wide))
     turning = moving_mean(gyr, round(0.2 * settings.rate_hz))
     still_acc, still_gyr = settings.still_acc_m_s2, settings.still_gyr_rad_s
-    activity: FloatArray = (
-        np.maximum(spread.sum(axis=1), 0.0) / still_acc**2 + (turning * turning).sum(axis=1) / still_gyr**2
-    )
+    activity: FloatArray = np.maximum(spread, 0.0) / still_acc**2 + squares(turning) / still_gyr**2
     return activity
 
 
@@ -163,6 +146,8 @@ def _velocity(
     # v_k stands at the middle of its block: the acceleration between two middles is the mean of the two blocks.
     middles = edges + (lengths - 1) / 2.0
     samples = np.arange(n)
-    velocity = np.stack([np.interp(samples, middles, column) for column in solved[0::2].T], axis=1)
-    offset = np.stack([np.interp(samples, middles, column) for column in solved[1::2].T], axis=1)
+    velocity, offset = (
+        from_components(*(np.interp(samples, middles, column) for column in components(unknown)))
+        for unknown in (solved[0::2], solved[1::2])
+    )
     return velocity, offset

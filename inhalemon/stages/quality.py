@@ -6,7 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from inhalemon.rotation import components
 from inhalemon.settings import QualitySettings
+from inhalemon.signals import lengths, quantile
 from inhalemon.values import (
     BoolArray,
     Calibration,
@@ -57,7 +59,7 @@ def assess_quality(
 
 def _gaps(name: SensorName, track: ImuTrack, settings: QualitySettings) -> Iterator[_Doubt]:
     steps = np.diff(track.time_s)
-    usual = float(np.median(steps))
+    usual = track.usual_step_s
     # At 25 Hz one step is 40 ms: jitter alone must not make it a gap.
     is_gap = steps > max(settings.min_gap_s, 1.5 * usual)
     if is_gap.any():
@@ -91,8 +93,8 @@ def _rate(name: SensorName, track: ImuTrack, settings: QualitySettings) -> Itera
     n_block = settings.rate_block
     if steps.size < 2 * n_block:
         return
-    medians = np.median(steps[: steps.size // n_block * n_block].reshape(-1, n_block), axis=1)
-    usual = float(np.median(steps))
+    medians = quantile(steps[: steps.size // n_block * n_block].reshape(-1, n_block).T, 0.5)
+    usual = track.usual_step_s
     is_other = np.abs(medians / usual - 1.0) > settings.max_rate_change
     if is_other.any():
         other = medians[np.argmax(np.abs(medians / usual - 1.0))]
@@ -104,7 +106,9 @@ def _rate(name: SensorName, track: ImuTrack, settings: QualitySettings) -> Itera
 def _stuck(name: SensorName, track: ImuTrack, settings: QualitySettings) -> Iterator[_Doubt]:
     """A live sensor's noise never lets the same numbers stand for long."""
     for quantity, values in (("accelerometer", track.acc_m_s2), ("gyroscope", track.gyr_rad_s)):
-        share = float(np.mean((values[1:] == values[:-1]).all(axis=1)))
+        x, y, z = components(values)
+        is_same = (x[1:] == x[:-1]) & (y[1:] == y[:-1]) & (z[1:] == z[:-1])
+        share = float(np.mean(is_same))
         if share > settings.max_stuck_share:
             detail = f"the {quantity}'s numbers do not change in {100 * share:.0f} % of the session"
             yield Flag("stuck", name, detail), True
@@ -124,7 +128,7 @@ def _rest_and_gravity(name: SensorName, track: ImuTrack, settings: QualitySettin
         if not rests[-n_end:].any():
             yield Flag("no_rest_at_end", name, f"not still within the last {settings.end_s:g} s"), False
     if rests.any():
-        found = float(np.median(gravity[1:][rests]))
+        found = float(quantile(gravity[1:][rests], 0.5))
         excess = abs(found - _STANDARD_GRAVITY_M_S2)
         if excess > settings.max_gravity_excess_m_s2:
             detail = f"{found:.2f} m/s2 when still; expected {_STANDARD_GRAVITY_M_S2:.2f}"
@@ -139,11 +143,10 @@ def _still_blocks(
     for values in (track.gyr_rad_s, track.acc_m_s2):
         blocks = values[: n_blocks * n_block].reshape(n_blocks, n_block, 3)
         mean = np.einsum("ijk->ik", blocks) / n_block
-        apart = blocks - mean[:, None, :]
         means.append(mean)
-        variances.append(np.einsum("ijk,ijk->ik", apart, apart).max(axis=1) / n_block)
+        variances.append((np.einsum("ijk,ijk->ik", blocks, blocks) / n_block - mean * mean).max(axis=1))
     is_still = (variances[0] < settings.max_rest_sd_rad_s**2) & (variances[1] < settings.max_rest_sd_m_s2**2)
-    return is_still, np.linalg.norm(means[1], axis=1)
+    return is_still, lengths(means[1])
 
 
 def _clocks(recording: Recording, clock: ClockFit, settings: QualitySettings) -> Iterator[_Doubt]:
@@ -180,11 +183,11 @@ def _hinge(calibration: Calibration, hinge_axis: FloatArray, settings: QualitySe
 
 
 def _angle(lever: LeverTrack, settings: QualitySettings) -> Iterator[_Doubt]:
-    off_axis_rad = float(np.median(np.abs(lever.off_axis_rad)))
+    off_axis_rad = float(quantile(np.abs(lever.off_axis_rad), 0.5))
     if off_axis_rad > settings.max_off_axis_rad:
         detail = f"the two parts turn {np.degrees(off_axis_rad):.0f} deg in a way that a hinge cannot"
         yield Flag("off_axis", SensorName.LEVER, detail), False
-    sd_rad = float(np.median(lever.sd_rad))
+    sd_rad = float(quantile(lever.sd_rad, 0.5))
     if not sd_rad <= settings.max_angle_sd_rad:
         detail = f"standard deviation of the angle {np.degrees(sd_rad):.0f} deg over most of the session"
         yield Flag("angle_unsure", SensorName.LEVER, detail), True

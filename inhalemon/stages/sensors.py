@@ -15,6 +15,7 @@ from inhalemon.rotation import (
     split_twist,
 )
 from inhalemon.settings import SensorSettings
+from inhalemon.signals import lengths, quantile, squares
 from inhalemon.values import BoolArray, FloatArray, ImuTrack, Recording
 
 _G_M_S2 = 9.80665
@@ -90,16 +91,18 @@ class _Blocks:
 
 def _means(track: ImuTrack, edges: FloatArray, max_gap_s: float) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Means of specific force and rate between edges, for signals straight between samples; and which have no gap."""
-    values = np.concatenate([track.acc_m_s2, track.gyr_rad_s], axis=1)
-    step_s = np.diff(track.time_s)[:, None]
-    integral = np.concatenate([np.zeros((1, 6)), np.cumsum((values[1:] + values[:-1]) / 2 * step_s, axis=0)])
-    at_edges = np.stack([np.interp(edges, track.time_s, column) for column in integral.T], axis=1)
-    means = np.diff(at_edges, axis=0) / np.diff(edges)[:, None]
+    step_s = np.diff(track.time_s)
+    means = np.empty((6, edges.size - 1))
+    integral = np.zeros(track.n_samples)
+    for mean, values in zip(means, (*track.acc_m_s2.T, *track.gyr_rad_s.T), strict=True):
+        np.cumsum((values[1:] + values[:-1]) / 2 * step_s, out=integral[1:])
+        mean[:] = np.diff(np.interp(edges, track.time_s, integral))
+    means /= np.diff(edges)
     has_samples: BoolArray = np.diff(np.searchsorted(track.time_s, edges)) > 0
-    for gap in np.flatnonzero(step_s[:, 0] > max(max_gap_s, 2.5 / track.rate_hz)):
+    for gap in np.flatnonzero(step_s > max(max_gap_s, 2.5 / track.rate_hz)):
         first, last = np.searchsorted(edges, track.time_s[[gap, gap + 1]], side="right") - 1
         has_samples[max(first, 0) : last + 1] = False
-    return means[:, :3], means[:, 3:], has_samples
+    return means[:3].T.copy(), means[3:].T.copy(), has_samples
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -113,11 +116,11 @@ class _Quiet:
     @classmethod
     def of(cls, blocks: _Blocks, settings: SensorSettings) -> _Quiet:
         n = max(round(settings.quiet_s / blocks.block_s), 2)
-        is_whole = _stretches(blocks.is_whole[:, None].astype(np.float64), n).all(axis=(1, 2))
+        is_whole = _stretches(blocks.is_whole.astype(np.float64), n).all(axis=1)
         body, lever = (
             is_whole
-            & (np.linalg.norm(_stretches(acc, n).std(axis=1), axis=1) < settings.quiet_acc_m_s2)
-            & (np.linalg.norm(_stretches(gyr, n).std(axis=1), axis=1) < settings.quiet_gyr_rad_s)
+            & (_variance(_stretches(acc, n)) < settings.quiet_acc_m_s2**2)
+            & (_variance(_stretches(gyr, n)) < settings.quiet_gyr_rad_s**2)
             for acc, gyr in ((blocks.acc_body, blocks.gyr_body), (blocks.acc_lever, blocks.gyr_lever))
         )
         return cls(body, lever, n)
@@ -128,12 +131,18 @@ def _stretches(values: FloatArray, n: int) -> FloatArray:
     return values[: values.shape[0] // n * n].reshape(-1, n, *values.shape[1:])
 
 
+def _variance(stretches: FloatArray) -> FloatArray:
+    """The variance of all three axes together within each stretch (k,)."""
+    apart = stretches - stretches.mean(axis=1, keepdims=True)
+    variance: FloatArray = np.einsum("ijk,ijk->i", apart, apart) / stretches.shape[1]
+    return variance
+
+
 def _rest_bias(gyr: FloatArray, is_quiet: BoolArray, n: int) -> FloatArray:
     """The middle rate of the quiet stretches (3,): a slow turn now and then does not move it."""
     if not is_quiet.any():
         return np.zeros(3)
-    bias: FloatArray = np.median(_stretches(gyr, n)[is_quiet].mean(axis=1), axis=0)
-    return bias
+    return quantile(_stretches(gyr, n)[is_quiet].mean(axis=1), 0.5)
 
 
 def _shut_mounting(
@@ -143,23 +152,25 @@ def _shut_mounting(
     whole = blocks.is_whole
     q = IDENTITY
     bias = np.zeros(3)
-    length = np.linalg.norm(blocks.gyr_body, axis=1)
+    length2 = squares(blocks.gyr_body)
     weight = np.zeros(whole.size)
-    for scale in np.maximum(settings.sd_gyr_scale, _FIRST_SCALE * _NARROWING ** np.arange(_N_ROUNDS)):
-        misfit = np.linalg.norm(_misfit(blocks, q, bias), axis=1)
-        scatter = max(float(1.4826 * np.median(misfit[whole])), settings.sd_gyr_rad_s)
-        sd = np.hypot(scatter, scale * length)
-        weight = np.where(whole, np.clip(1.0 - (misfit / (_TUKEY * sd)) ** 2, 0.0, None) ** 2, 0.0)
-        q, bias = _fitted(blocks, q, bias, weight / sd**2, settings)
+    turned, misfit = _misfit(blocks, q, bias)
+    for scale in np.maximum(settings.sd_gyr_scale, _FIRST_SCALE * _NARROWING ** np.arange(_N_ROUNDS)).tolist():
+        size = lengths(misfit)
+        scatter = max(1.4826 * float(quantile(size[whole], 0.5)), settings.sd_gyr_rad_s)
+        variance = scatter**2 + scale**2 * length2
+        weight = np.where(whole, np.maximum(1.0 - size * size / (_TUKEY**2 * variance), 0.0) ** 2, 0.0)
+        q, bias = _fitted(turned, misfit, q, bias, weight / variance, settings)
+        turned, misfit = _misfit(blocks, q, bias)
 
-    rate = _misfit(blocks, q, bias) @ axis
+    rate = misfit @ axis
     angle = np.cumsum(np.where(whole, rate, 0.0)) * blocks.block_s
     is_still = whole & (np.abs(rate) < settings.max_hinge_rate_rad_s)
-    across = np.sqrt(np.maximum(length**2 - (blocks.gyr_body @ axis) ** 2, 0.0))
+    across = np.sqrt(np.maximum(length2 - (blocks.gyr_body @ axis) ** 2, 0.0))
     telling = (weight > 0.5) & (across > settings.min_across_rad_s)
     if int(telling.sum()) >= _MIN_TELLING:
         # The angle at which the moving blocks agree may be the open one: the mounting's turn about the hinge tells.
-        angle = angle - np.median(angle[telling])
+        angle = angle - quantile(angle[telling], 0.5)
         turn = float(split_twist(q, axis)[0])
         if abs(turn) > settings.max_mounting_rad:
             q = multiply(q, from_rotation_vector(np.asarray(-turn * axis, dtype=np.float64)))
@@ -170,37 +181,44 @@ def _shut_mounting(
         angle = angle - kept[min(round(1.0 / blocks.block_s), kept.size - 1)]
     is_shut = is_still & (np.abs(angle) < settings.shut_band_rad)
     if int(is_shut.sum()) * blocks.block_s >= settings.min_common_s:
-        sd = np.hypot(settings.sd_gyr_rad_s, settings.sd_gyr_scale * length)
-        q, bias = _fitted(blocks, q, bias, np.where(is_shut, 1.0 / sd**2, 0.0), settings)
+        variance = settings.sd_gyr_rad_s**2 + settings.sd_gyr_scale**2 * length2
+        turned, misfit = _misfit(blocks, q, bias)
+        q, bias = _fitted(turned, misfit, q, bias, np.where(is_shut, 1.0 / variance, 0.0), settings)
     return q, bias, is_shut
 
 
-def _misfit(blocks: _Blocks, q_body_lever: FloatArray, bias: FloatArray) -> FloatArray:
+def _misfit(blocks: _Blocks, q_body_lever: FloatArray, bias: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The body's rates as the lever should read them, and what the lever reads beyond that and its bias, (m, 3)."""
     # v @ as_matrix(q_a_b) turns rows v_a into v_b: as rotate(conjugate(q), v), many at once.
-    misfit: FloatArray = blocks.gyr_lever - blocks.gyr_body @ as_matrix(q_body_lever) - bias
-    return misfit
+    turned: FloatArray = blocks.gyr_body @ as_matrix(q_body_lever)
+    return turned, blocks.gyr_lever - turned - bias
 
 
 def _fitted(
-    blocks: _Blocks, q: FloatArray, bias: FloatArray, weight: FloatArray, settings: SensorSettings
+    turned: FloatArray,
+    misfit: FloatArray,
+    q: FloatArray,
+    bias: FloatArray,
+    weight: FloatArray,
+    settings: SensorSettings,
 ) -> tuple[FloatArray, FloatArray]:
     """One weighted step of mounting and bias to gyr_lever = rotate(q_lever_body, gyr_body) + bias.
 
     What the motion does not show stays where it was.
     """
-    known = np.repeat([settings.sd_mounting_rad**-2, settings.sd_gyr_bias_rad_s**-2], 3)
-    misfit = _misfit(blocks, q, bias)
-    turned = blocks.gyr_body @ as_matrix(q)
-    # A small turn s of the lever's frame changes the turned rate by turned x s.
-    jacobian = np.zeros((turned.shape[0], 3, 6))
-    jacobian[:, 0, 1], jacobian[:, 0, 2] = -turned[:, 2], turned[:, 1]
-    jacobian[:, 1, 0], jacobian[:, 1, 2] = turned[:, 2], -turned[:, 0]
-    jacobian[:, 2, 0], jacobian[:, 2, 1] = -turned[:, 1], turned[:, 0]
-    jacobian[:, :, 3:] = np.eye(3)
-    weighted = (jacobian * weight[:, None, None]).reshape(-1, 6)
-    normal = weighted.T @ jacobian.reshape(-1, 6) + np.diag(known)
-    step = np.linalg.solve(normal, weighted.T @ misfit.reshape(-1))
-    return multiply(q, from_rotation_vector(np.asarray(step[:3]))), np.asarray(bias + step[3:])
+    # A small turn s of the lever's frame changes the turned rate t by t x s: the normal equations are moments of t.
+    weighted = turned * weight[:, None]
+    moment = weighted.T @ turned
+    sum_x, sum_y, sum_z = weighted.sum(axis=0).tolist()
+    across = np.array([[0.0, -sum_z, sum_y], [sum_z, 0.0, -sum_x], [-sum_y, sum_x, 0.0]])
+    normal = np.empty((6, 6))
+    normal[:3, :3] = (moment.trace() + settings.sd_mounting_rad**-2) * np.eye(3) - moment
+    normal[:3, 3:], normal[3:, :3] = -across, across
+    normal[3:, 3:] = (weight.sum() + settings.sd_gyr_bias_rad_s**-2) * np.eye(3)
+    product = weighted.T @ misfit
+    turn = [product[2, 1] - product[1, 2], product[0, 2] - product[2, 0], product[1, 0] - product[0, 1]]
+    step = np.linalg.solve(normal, np.concatenate([turn, weight @ misfit]))
+    return multiply(q, from_rotation_vector(step[:3])), bias + step[3:]
 
 
 def _acc_biases(
