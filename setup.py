@@ -11,7 +11,13 @@ kernels = [
         [f"inhalemon/{file}"],
         extra_compile_args=["-O3", "-ffp-contract=off", "-fno-builtin-pow"],
     )
-    for file in ("_attitude_kernel.py", "_heading_kernel.py", "_source_kernel.py", "_csv_kernel.pyx")
+    for file in (
+        "_attitude_kernel.py",
+        "_heading_kernel.py",
+        "_loops_kernel.py",
+        "_source_kernel.py",
+        "_csv_kernel.pyx",
+    )
 ]
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Self, cast
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from inhalemon import _heading_kernel as kernel
 from inhalemon.rotation import as_matrix
 from inhalemon.settings import LeverSettings
+from inhalemon.signals import memory
 from inhalemon.values import AttitudeTrack, FloatArray, IntArray
 
 _SAMPLES_PER_BLOCK = 5  # enough to follow a hand within 0.2 s; more only cost time
@@ -152,21 +153,21 @@ def _filtered_heading(
     np.subtract(blocks.time_s[1:], blocks.time_s[:-1], out=step_s[1:])
     told, known = np.empty((2, len(blocks), 5))
     kernel.filter_heading(
-        _view(step_s),
-        _view(np.angle(seen.agreement)),
-        _view(seen.shown),
-        _view(seen.scatter * alike + axes.sd_rad**2),
+        memory(step_s),
+        memory(np.angle(seen.agreement)),
+        memory(seen.shown),
+        memory(seen.scatter * alike + axes.sd_rad**2),
         float(np.angle(start)),
         sd_start_rad**2,
         settings.sd_heading_rate_rad_s**2,
         settings.heading_walk_rad_s**2,
         settings.min_shown,
         settings.max_surprise,
-        _view(told),
-        _view(known),
+        memory(told),
+        memory(known),
     )
     if smooth:
-        kernel.smooth_heading(_view(step_s), _view(told), _view(known))
+        kernel.smooth_heading(memory(step_s), memory(told), memory(known))
     return Heading(known[:, 0], known[:, 1], np.sqrt(known[:, 2]))
 
 
@@ -233,8 +234,3 @@ def _across(axis: FloatArray) -> FloatArray:
     a = -1.0 / (sign + z)
     b = x * y * a
     return np.array([[1.0 + sign * x * x * a, b], [sign * b, sign + y * y * a], [-sign * x, -y]])
-
-
-def _view(values: FloatArray) -> memoryview[float]:
-    """The array's own memory: the compiled kernel and plain Python both index it, and Python gets plain floats."""
-    return cast("memoryview[float]", np.ascontiguousarray(values).data)

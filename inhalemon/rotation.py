@@ -84,10 +84,11 @@ def as_matrix(q: FloatArray) -> FloatArray:
 
 def from_rotation_vector(v: FloatArray) -> FloatArray:
     """The rotation about `v` by `|v|` rad, exact for every length."""
-    v = np.asarray(v, dtype=np.float64)
-    angle = np.linalg.norm(v, axis=-1, keepdims=True)
+    x, y, z = components(v)
+    angle = np.sqrt(x * x + y * y + z * z)
     # np.sinc(x) is sin(pi x) / (pi x): finite and exact at zero.
-    return np.concatenate([np.cos(angle / 2), 0.5 * np.sinc(angle / (2 * np.pi)) * v], axis=-1)
+    scale = 0.5 * np.sinc(angle / (2 * np.pi))
+    return from_components(np.cos(angle / 2), scale * x, scale * y, scale * z)
 
 
 def about_z(angle_rad: FloatArray) -> FloatArray:

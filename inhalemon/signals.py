@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 
 from inhalemon.rotation import components, from_components, slerp
@@ -26,6 +28,11 @@ def resample_attitude(track: AttitudeTrack, time_s: FloatArray) -> AttitudeTrack
     )
 
 
+def memory(values: FloatArray) -> memoryview[float]:
+    """The array's own memory: the compiled kernel and plain Python both index it, and Python gets plain floats."""
+    return cast("memoryview[float]", np.ascontiguousarray(values).data)
+
+
 def moving_mean(values: FloatArray, width: int) -> FloatArray:
     """Mean over a centred window of `width` samples; at the ends over what is there. Shape as given."""
     columns = values.T  # time last: each column's sums in one stretch of memory
@@ -47,7 +54,8 @@ def quantile(values: FloatArray, share: float) -> FloatArray:
 
     numpy's own take five and ten times as long on the few hundred samples of one movement.
     """
-    ordered = np.sort(values, axis=0)
+    ordered = values.copy("K")
+    ordered.sort(axis=0)
     at = share * (ordered.shape[0] - 1)
     low = int(at)
     high = min(low + 1, ordered.shape[0] - 1)
@@ -68,14 +76,16 @@ def lengths(vectors: FloatArray) -> FloatArray:
 
 def runs(is_true: BoolArray) -> IntArray:
     """The stretches where a mask is true: rows of `start, end`, half open. Shape (n, 2)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], is_true, [False]])))
-    return edges.reshape(-1, 2)
+    edged = np.zeros(is_true.size + 2, dtype=np.bool_)
+    edged[1:-1] = is_true
+    edges: IntArray = (edged[1:] != edged[:-1]).nonzero()[0].reshape(-1, 2)
+    return edges
 
 
 def close_gaps(is_true: BoolArray, longest: int) -> BoolArray:
     """The mask with false stretches of at most `longest` samples between true ones filled."""
     filled = is_true.copy()
-    for start, end in runs(~is_true):
+    for start, end in runs(~is_true).tolist():
         if start > 0 and end < is_true.size and end - start <= longest:
             filled[start:end] = True
     return filled
@@ -84,7 +94,7 @@ def close_gaps(is_true: BoolArray, longest: int) -> BoolArray:
 def drop_short(is_true: BoolArray, shortest: int) -> BoolArray:
     """The mask without true stretches shorter than `shortest` samples."""
     kept = is_true.copy()
-    for start, end in runs(is_true):
+    for start, end in runs(is_true).tolist():
         if end - start < shortest:
             kept[start:end] = False
     return kept

@@ -12,7 +12,6 @@ import functools
 import logging
 import math
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +21,7 @@ from inhalemon import _source_kernel as source_kernel
 from inhalemon.exceptions import RecordingError
 from inhalemon.rotation import from_source, from_two_vectors, to_source
 from inhalemon.settings import AttitudeMethod, AttitudeSettings
-from inhalemon.signals import squares
+from inhalemon.signals import memory, squares
 from inhalemon.values import AttitudeTrack, FloatArray, ImuTrack
 
 log = logging.getLogger(__name__)
@@ -102,21 +101,21 @@ class _Estimate:
 
     @property
     def views(self) -> tuple[memoryview[float], ...]:
-        return tuple(_view(values) for values in (self.q, self.bias, self.tilt_var, self.r, self.innovation))
+        return tuple(memory(values) for values in (self.q, self.bias, self.tilt_var, self.r, self.innovation))
 
 
 def _akf(track: ImuTrack, settings: AttitudeSettings) -> AttitudeTrack:
     out = _Estimate.empty(track.n_samples, n_innovations=track.n_samples if settings.smooth else 0)
-    samples = (_view(track.time_s), _view(track.gyr_rad_s), _view(track.acc_m_s2), _sample_flags(track).data)
+    samples = (memory(track.time_s), memory(track.gyr_rad_s), memory(track.acc_m_s2), _sample_flags(track).data)
     _new_filter(settings).run(*samples, *out.views)
     if settings.smooth:
         kernel.centred_r(
             samples[0],
-            _view(out.innovation),
+            memory(out.innovation),
             settings.window_s,
             settings.r_floor_m2_s2,
             settings.r_largest_m2_s2,
-            _view(out.r),
+            memory(out.r),
         )
         _smooth(samples, out, settings)
     return _as_track(track, out, settings)
@@ -152,8 +151,8 @@ def _smooth(
     for block in range(len(states) - 1, -1, -1):
         first = block * BLOCK
         akf.take(states.pop())
-        n_rows = akf.write_tape(time_s, gyr, acc, flags, r, first, min(first + BLOCK, n), _view(tape), marks.data)
-        smoother.run(_view(tape), marks.data, n_rows, q, bias, tilt_var)
+        n_rows = akf.write_tape(time_s, gyr, acc, flags, r, first, min(first + BLOCK, n), memory(tape), marks.data)
+        smoother.run(memory(tape), marks.data, n_rows, q, bias, tilt_var)
         is_row[marks[:n_rows, 0]] = 1
     kernel.fill(time_s, gyr, is_row.data, q, bias, tilt_var)
 
@@ -197,7 +196,7 @@ def _new_filter(settings: AttitudeSettings) -> kernel.AttitudeFilter:
 
 def _as_track(track: ImuTrack, out: _Estimate, settings: AttitudeSettings) -> AttitudeTrack:
     """Brings the attitude from the gyro's delayed time to the sample's, and adds to sd what the filter cannot know."""
-    kernel.look_ahead(_view(track.gyr_rad_s), _view(out.bias), settings.gyr_delay_s, _view(out.q))
+    kernel.look_ahead(memory(track.gyr_rad_s), memory(out.bias), settings.gyr_delay_s, memory(out.q))
     rate2 = squares(track.gyr_rad_s)
     unseen_var = (settings.sd_acc_bias_m_s2 / GRAVITY_M_S2) ** 2 + 0.5 * settings.sd_delay_s**2 * rate2
     sd = np.sqrt(np.maximum(out.tilt_var, 0.0) + unseen_var)
@@ -219,8 +218,8 @@ def _source(track: ImuTrack, settings: AttitudeSettings) -> AttitudeTrack:
     of_source.x = to_source(_upright_start(track)).tolist()
     of_source.p = (np.eye(4).ravel() * math.radians(settings.sd_start_tilt_deg) ** 2 / 4).tolist()
     window = np.empty((of_source.n_window, 12))
-    samples = (_view(track.time_s), _view(track.gyr_rad_s), _view(track.acc_m_s2))
-    of_source.run(*samples, _view(window), _view(x), _view(tilt_var), _view(r))
+    samples = (memory(track.time_s), memory(track.gyr_rad_s), memory(track.acc_m_s2))
+    of_source.run(*samples, memory(window), memory(x), memory(tilt_var), memory(r))
     return AttitudeTrack(track.time_s, from_source(x), np.sqrt(tilt_var), np.zeros((n, 3)), r, r_unit="m2/s4")
 
 
@@ -230,7 +229,7 @@ def _gyro(track: ImuTrack, settings: AttitudeSettings) -> AttitudeTrack:
     q, bias, tilt_var = np.empty((n, 4)), np.zeros((n, 3)), np.zeros(n)
     q[0] = _upright_start(track)
     is_row = np.zeros(n, dtype=np.uint8)
-    kernel.fill(_view(track.time_s), _view(track.gyr_rad_s), is_row.data, _view(q), _view(bias), _view(tilt_var))
+    kernel.fill(memory(track.time_s), memory(track.gyr_rad_s), is_row.data, memory(q), memory(bias), memory(tilt_var))
     since_s = track.time_s - track.time_s[0]
     start = abs(float(np.linalg.norm(track.acc_m_s2[0])) / GRAVITY_M_S2 - 1.0)
     bias_sd = math.radians(settings.sd_start_bias_deg_s)
@@ -260,11 +259,6 @@ def _sample_flags(track: ImuTrack) -> NDArray[np.uint8]:
         elif largest is not None:
             flags[(np.abs(values) >= 0.999 * largest).any(axis=1)] |= bit
     return flags
-
-
-def _view(values: FloatArray) -> memoryview[float]:
-    """The array's own memory: the compiled kernel and plain Python both index it, and Python gets plain floats."""
-    return cast("memoryview[float]", values.data)
 
 
 @functools.cache

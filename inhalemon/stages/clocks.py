@@ -7,13 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from inhalemon import _loops_kernel as kernel
 from inhalemon.rotation import components
 from inhalemon.settings import ClockSettings
-from inhalemon.signals import quantile
+from inhalemon.signals import memory, quantile
 from inhalemon.values import BoolArray, ClockFit, FloatArray, ImuTrack, IntArray, Recording
 
 _REST_BLOCK_S = 0.5
 _MIN_LENGTH_S = 1.0
+_MIN_SAMPLES = 4  # that a cubic needs
 _MAX_REST_SD_RAD_S = 0.02
 _MAX_HELD_SD_RAD_S = 0.1  # held still in the hand: better than nothing
 
@@ -69,7 +71,8 @@ def align_clocks(recording: Recording, settings: ClockSettings) -> tuple[Recordi
 
 
 def _shared_motion(body_track: ImuTrack, lever_track: ImuTrack, settings: ClockSettings) -> ClockFit | None:
-    if min(np.ptp(body_track.time_s), np.ptp(lever_track.time_s)) < _MIN_LENGTH_S:
+    tracks = (body_track, lever_track)
+    if any(track.n_samples < _MIN_SAMPLES or np.ptp(track.time_s) < _MIN_LENGTH_S for track in tracks):
         return None
     body, lever = _rates(body_track), _rates(lever_track)
     return _fit(body, lever, settings, lever_moves=False) or _fit(body, lever, settings, lever_moves=True)
@@ -292,18 +295,10 @@ def _interpolated(body: _Rates, at: FloatArray) -> tuple[FloatArray, FloatArray,
 
     The vectors are interpolated, not their lengths: the length has a corner where the motion turns back.
     """
-    time_s, gyr = body.time_s, body.gyr_rad_s
-    index = np.clip(np.searchsorted(time_s, at, side="right") - 1, 1, time_s.size - 3)
-    t_0, t_1, t_2, t_3 = (time_s[index + k] for k in (-1, 0, 1, 2))
-    v_0, v_1, v_2, v_3 = (gyr[:, index + k] for k in (-1, 0, 1, 2))
-    h = t_2 - t_1
-    tangent_1 = (v_2 - v_0) * (h / (t_2 - t_0))
-    tangent_2 = (v_3 - v_1) * (h / (t_3 - t_1))
-    u = (at - t_1) / h
-    rise = v_2 - v_1
-    c_2 = 3.0 * rise - 2.0 * tangent_1 - tangent_2
-    c_3 = tangent_1 + tangent_2 - 2.0 * rise
-    rate = v_1 + u * (tangent_1 + u * (c_2 + u * c_3))
-    change = (tangent_1 + u * (2.0 * c_2 + 3.0 * u * c_3)) / h
-    is_inside = (u >= 0.0) & (u <= 1.0) & body.is_good[index] & body.is_good[index + 1]
-    return rate, change, is_inside
+    rate, change = np.empty((2, 3, at.size))
+    before = np.empty(at.size, dtype=np.intp)
+    kernel.interpolate(
+        memory(body.time_s), memory(body.gyr_rad_s), memory(at), memory(rate), memory(change), before.data
+    )
+    is_within = (at >= body.time_s[before]) & (at <= body.time_s[before + 1])
+    return rate, change, is_within & body.is_good[before] & body.is_good[before + 1]

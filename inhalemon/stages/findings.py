@@ -8,7 +8,6 @@ counts only where it could change the verdict.
 
 from __future__ import annotations
 
-import graphlib
 import math
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -51,13 +50,17 @@ def apply_rules(
     `unusable` is why the measures cannot be trusted: then nothing is assessed.
     """
     of_device = {rule.id: rule for rule in rules.of(device.rule_set)}
-    causes = {id_: [cause for cause in rule.implied_by if cause in of_device] for id_, rule in of_device.items()}
     view = _View(measures, device)
     findings: dict[str, Finding] = {}
-    for id_ in graphlib.TopologicalSorter(causes).static_order():
-        failed = [cause for cause in causes[id_] if findings[cause].verdict is Verdict.FAIL]
-        findings[id_] = _finding(of_device[id_], view, unusable, of_device[failed[0]] if failed else None)
-    return tuple(findings[id_] for id_ in of_device)
+
+    def found(rule: Rule) -> Finding:
+        if rule.id not in findings:
+            causes = (of_device[cause] for cause in rule.implied_by if cause in of_device)
+            failed = next((cause for cause in causes if found(cause).verdict is Verdict.FAIL), None)
+            findings[rule.id] = _finding(rule, view, unusable, failed)
+        return findings[rule.id]
+
+    return tuple(found(rule) for rule in of_device.values())
 
 
 def score(findings: Iterable[Finding]) -> Score:

@@ -25,6 +25,7 @@ _FIRST_SCALE = 0.2  # of the rate: at first the mounting may be 10 deg off and m
 _NARROWING = 0.7  # from round to round
 _MIN_TELLING = 5  # blocks
 _TOO_MUCH = 6.0  # standard deviations of what a chip may have
+_EYE = np.eye(3)
 
 
 def correct_sensors(recording: Recording, hinge_axis: FloatArray, settings: SensorSettings) -> Recording:
@@ -212,9 +213,9 @@ def _fitted(
     sum_x, sum_y, sum_z = weighted.sum(axis=0).tolist()
     across = np.array([[0.0, -sum_z, sum_y], [sum_z, 0.0, -sum_x], [-sum_y, sum_x, 0.0]])
     normal = np.empty((6, 6))
-    normal[:3, :3] = (moment.trace() + settings.sd_mounting_rad**-2) * np.eye(3) - moment
+    normal[:3, :3] = (moment.trace() + settings.sd_mounting_rad**-2) * _EYE - moment
     normal[:3, 3:], normal[3:, :3] = -across, across
-    normal[3:, 3:] = (weight.sum() + settings.sd_gyr_bias_rad_s**-2) * np.eye(3)
+    normal[3:, 3:] = (weight.sum() + settings.sd_gyr_bias_rad_s**-2) * _EYE
     product = weighted.T @ misfit
     turn = [product[2, 1] - product[1, 2], product[0, 2] - product[2, 0], product[1, 0] - product[0, 1]]
     step = np.linalg.solve(normal, np.concatenate([turn, weight @ misfit]))
@@ -237,7 +238,7 @@ def _acc_biases(
         normal[part, part] += up.T @ up / settings.sd_acc_m_s2**2
         pull[part] += up.T @ (length[:, 0] - _G_M_S2) / settings.sd_acc_m_s2**2
     to_lever = as_matrix(conjugate(q_body_lever))
-    both = np.concatenate([-to_lever, np.eye(3)], axis=1)
+    both = np.concatenate([-to_lever, _EYE], axis=1)
     normal += both.T @ both * (shut.sum() / settings.sd_acc_m_s2**2)
     difference = (mean_lever[shut] - mean_body[shut] @ to_lever.T).sum(axis=0)
     pull += both.T @ difference / settings.sd_acc_m_s2**2

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from inhalemon.settings import ShakeSettings
-from inhalemon.signals import close_gaps, moving_mean, runs
+from inhalemon.signals import close_gaps, moving_mean, runs, squares
 from inhalemon.values import FloatArray, Motion, Shake
 
 
@@ -22,7 +22,7 @@ def find_shakes(motion: Motion, settings: ShakeSettings | None = None) -> tuple[
     rate = motion.rate_hz
     # The slow part is carrying the device about; a shake has none.
     swing = motion.acc_ref_m_s2 - moving_mean(motion.acc_ref_m_s2, round(settings.slow_s * rate))
-    is_strong = np.einsum("ij,ij->i", swing, swing) >= settings.stroke_m_s2**2
+    is_strong = squares(swing) >= settings.stroke_m_s2**2
     together = close_gaps(is_strong, round(settings.max_pause_s * rate))
     found: list[Shake] = []
     for start, end in runs(together):
@@ -32,21 +32,21 @@ def find_shakes(motion: Motion, settings: ShakeSettings | None = None) -> tuple[
 
 
 def _bouts(time_s: FloatArray, swing: FloatArray, settings: ShakeSettings) -> list[Shake]:
-    _, _, directions = np.linalg.svd(swing, full_matrices=False)
-    along = swing @ directions[0]
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(np.signbit(along))) + 1, [along.size]])
+    _, directions = np.linalg.eigh(swing.T @ swing)
+    along = swing @ directions[:, -1]  # the main direction
+    begin = np.concatenate([[0], np.flatnonzero(np.diff(np.signbit(along))) + 1])
+    height = np.maximum.reduceat(np.abs(along), begin)
+    start_s, end_s = time_s[begin], time_s[np.append(begin[1:], time_s.size - 1)]
+    is_stroke = (height >= settings.stroke_m_s2) & (end_s - start_s >= settings.min_stroke_s)
+    half_waves = zip(start_s.tolist(), end_s.tolist(), (along[begin] > 0).tolist(), strict=True)
     strokes: list[tuple[float, float, bool]] = []
     bouts: list[list[tuple[float, float, bool]]] = [strokes]
-    for i, j in itertools.pairwise(edges):
-        end_s = float(time_s[min(j, time_s.size - 1)])
-        start_s = float(time_s[i])
-        if np.abs(along[i:j]).max() < settings.stroke_m_s2 or end_s - start_s < settings.min_stroke_s:
-            continue
-        if strokes and start_s - strokes[-1][1] > settings.max_pause_s:
+    for stroke in itertools.compress(half_waves, is_stroke.tolist()):
+        if strokes and stroke[0] - strokes[-1][1] > settings.max_pause_s:
             strokes = []
             bouts.append(strokes)
-        if not strokes or strokes[-1][2] != bool(along[i] > 0):  # strokes alternate
-            strokes.append((start_s, end_s, bool(along[i] > 0)))
+        if not strokes or strokes[-1][2] != stroke[2]:  # strokes alternate
+            strokes.append(stroke)
     return [
         Shake(np.array([s[0] for s in bout]), np.array([s[1] for s in bout]))
         for bout in bouts

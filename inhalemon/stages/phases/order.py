@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 
 import numpy as np
 
+from inhalemon import _loops_kernel as kernel
+from inhalemon.signals import memory
 from inhalemon.values import FloatArray, IntArray, PhaseKind
 
 LABELS = tuple(PhaseKind)
@@ -38,13 +39,7 @@ def transition_costs(steps: Sequence[PhaseKind]) -> FloatArray:
 
 def cheapest_path(costs: FloatArray, transitions: FloatArray) -> IntArray:
     """The label (m,) of each window on the path of least cost; `costs` is (m, labels). Viterbi (1967)."""
-    to_from = np.ascontiguousarray(transitions.T)
-    totals = costs.copy()  # of the cheapest path to each label, window by window
-    for before, total in itertools.pairwise(totals):
-        total += (before + to_from).min(axis=1)  # noqa: PLW2901  a row of totals, in place
-    label = int(np.argmin(totals[-1]))
-    path = [label]
-    for total in totals[-2::-1]:
-        label = int((total + to_from[label]).argmin())
-        path.append(label)
-    return np.array(path[::-1], dtype=np.int64)
+    totals = np.array(costs)  # a copy: of the cheapest path to each label, window by window
+    path = np.empty(costs.shape[0], dtype=np.intp)
+    kernel.cheapest_path(memory(totals), memory(transitions), path.data)
+    return path.astype(np.int64)

@@ -1,0 +1,14 @@
+# C types for _loops_kernel.py; it is the same program without them.
+cimport cython
+
+@cython.locals(
+    last=cython.Py_ssize_t, i=cython.Py_ssize_t, j=cython.Py_ssize_t, k=cython.Py_ssize_t, at=double, h=double,
+    share_0=double, share_1=double, u=double, rise=double, tangent_0=double, tangent_1=double, c_2=double, c_3=double)
+cpdef void interpolate(
+    const double[::1] time_s, const double[:, ::1] values, const double[::1] at_s, double[:, ::1] found,
+    double[:, ::1] slope, Py_ssize_t[::1] place)
+
+@cython.locals(
+    n=cython.Py_ssize_t, n_labels=cython.Py_ssize_t, i=cython.Py_ssize_t, label=cython.Py_ssize_t,
+    before=cython.Py_ssize_t, after=cython.Py_ssize_t, best=cython.Py_ssize_t, least=double, cost=double)
+cpdef void cheapest_path(double[:, ::1] totals, const double[:, ::1] transitions, Py_ssize_t[::1] path)
