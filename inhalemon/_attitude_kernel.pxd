@@ -1,6 +1,7 @@
 # C types for _attitude_kernel.py; it is the same program without them.
 # Indices are Py_ssize_t: with a narrower type the compiler cannot turn the loops into vector instructions.
 cimport cython
+from libc cimport math
 
 @cython.final
 cdef class AttitudeFilter:
@@ -8,17 +9,22 @@ cdef class AttitudeFilter:
     cdef double started_s
     cdef double[3] start_f
     cdef public double start_s, gap_s, reset_gap_s, gap_rate_var, gap_acc_var
-    cdef public double tilt_var, velocity_var, bias_var
+    cdef public double tilt_var, velocity_var, bias_var, scale_var
+    cdef public Py_ssize_t end
     cdef public double r_factor, r_start, r_start_s, r_floor, r_largest, window_s
     cdef public bint r_is_constant
     cdef public double rest_rate, rest_acc, rest_min_s, rest_bias_q, rest_bias_gate, rest_r
     cdef public bint is_started, has_rested
     cdef public double[4] q
     cdef public double[3] b
+    cdef public double[9] scale
     cdef public double[2] v
-    cdef public double[56] p
+    cdef public double[256] p
     cdef double[3] w
+    cdef double[3] e
+    cdef double[3] g
     cdef double[3] acc
+    cdef double largest_rate, largest_acc
     cdef int gyr_same, acc_same
     cdef double[2] f
     cdef double[2] mean_y
@@ -27,13 +33,13 @@ cdef class AttitudeFilter:
     cdef double[3] rest_a
     cdef public double rest_s, r
     cdef double dt
-    cdef double[6] a
+    cdef double[24] a
     cdef double c, tilt_noise, velocity_noise
     cdef int event
-    cdef double[8] d
+    cdef double[16] d
     cdef Py_ssize_t n_updates
     cdef Py_ssize_t[5] i
-    cdef double[40] k
+    cdef double[80] k
     cdef double[5] y
     cdef double[5] s
 
@@ -52,7 +58,8 @@ cdef class AttitudeFilter:
     cdef void gather(self) noexcept
 
     @cython.locals(
-        q=cython.p_double, b=cython.p_double, c=double, hx=double, hy=double, ux=double, uy=double, uz=double, gx=double, gy=double, gz=double,
+        q=cython.p_double, a=cython.p_double, e=cython.p_double, g=cython.p_double, c=double, hx=double, hy=double,
+        hz=double, ux=double, uy=double, uz=double, gx=double, gy=double, gz=double,
         r00=double, r01=double, r02=double, r10=double, r11=double, r12=double, fx=double, fy=double, fz=double)
     cpdef void step(
         self, double dt, double wx, double wy, double wz, double ax, double ay, double az, int flags, double r_given
@@ -63,34 +70,39 @@ cdef class AttitudeFilter:
         i=cython.Py_ssize_t)
     cdef void correct(self, double r_given, double fz) noexcept
 
+    @cython.locals(e=cython.p_double, k=cython.p_double)
+    cdef inline void take_rate(self) noexcept
+
     @cython.locals(
-        p=cython.p_double, a0=double, a1=double, a2=double, a3=double, a4=double, a5=double, c=double,
-        i=cython.Py_ssize_t, j=cython.Py_ssize_t)
+        p=cython.p_double, a=cython.p_double, t="double[16]", u="double[16]", c=double, s00=double, s01=double, s11=double, i=cython.Py_ssize_t,
+        j=cython.Py_ssize_t)
     cdef void grow(self) noexcept
 
     @cython.locals(c=double)
-    cdef void integrate(self, double dt, double ux, double uy, double uz, double gx, double gy, double gz) noexcept
+    cdef inline void integrate(self, double dt, double ux, double uy, double uz, double gx, double gy, double gz) noexcept
 
     @cython.locals(q=cython.p_double, cw=double, cz=double, n=double)
     cdef void take_tilt(self, double w, double x, double y, double z) noexcept
 
     @cython.locals(
         q=cython.p_double, n=cython.Py_ssize_t, x=double, s=double, w=double, qw=double, qx=double, qy=double, qz=double)
-    cdef void turn(self, double hx, double hy, double hz) noexcept
+    cdef inline void turn(self, double hx, double hy, double hz) noexcept
 
     @cython.locals(q=cython.p_double, n=double, s=double, qw=double, qx=double, qy=double, qz=double)
     cdef void tilt(self, double hx, double hy) noexcept
 
     @cython.locals(
-        p=cython.p_double, h="double[8]", k="double[8]", h2="double[8]", k2="double[8]", s=double, s2=double, c=double,
-        y2=double, j=cython.Py_ssize_t)
+        p=cython.p_double, h="double[16]", k="double[16]", h2="double[16]", k2="double[16]", s=double, s2=double, c=double, y2=double,
+        i=cython.Py_ssize_t, j=cython.Py_ssize_t)
     cdef void update_velocity(self, double vx, double vy, double var) noexcept
 
-    @cython.locals(p=cython.p_double, h="double[8]", k="double[8]", s=double, y=double, j=cython.Py_ssize_t)
+    @cython.locals(
+        p=cython.p_double, h="double[16]", k="double[16]", s=double, y=double, j=cython.Py_ssize_t,
+        m=cython.Py_ssize_t)
     cdef void update(self, Py_ssize_t i, double error, double var) noexcept
 
     @cython.locals(u=cython.p_double, f=cython.p_double, g=double)
-    cdef void look_for_rest(
+    cdef inline void look_for_rest(
         self, double dt, double wx, double wy, double wz, double ax, double ay, double az) noexcept
 
     @cython.locals(n=cython.Py_ssize_t, i=cython.Py_ssize_t, dt=double)
@@ -109,7 +121,9 @@ cdef class AttitudeFilter:
         self, const double[::1] time_s, const double[:, ::1] gyr, const double[:, ::1] acc,
         const unsigned char[::1] flags, const double[::1] r, Py_ssize_t first, Py_ssize_t last)
 
-    @cython.locals(n_rows=cython.Py_ssize_t, dt=double, n=cython.Py_ssize_t, i=cython.Py_ssize_t, u=cython.Py_ssize_t)
+    @cython.locals(
+        n_rows=cython.Py_ssize_t, dt=double, n=cython.Py_ssize_t, i=cython.Py_ssize_t, j=cython.Py_ssize_t,
+        u=cython.Py_ssize_t)
     cpdef Py_ssize_t write_tape(
         self, const double[::1] time_s, const double[:, ::1] gyr, const double[:, ::1] acc,
         const unsigned char[::1] flags, const double[::1] r, Py_ssize_t first, Py_ssize_t last, double[:, ::1] tape,
@@ -146,5 +160,8 @@ cpdef void centred_r(
     const double[::1] time_s, const double[:, ::1] y, double window_s, double floor, double largest, double[::1] r)
 
 @cython.locals(
-    n=cython.Py_ssize_t, hx=double, hy=double, hz=double, s=double, qw=double, qx=double, qy=double, qz=double)
-cpdef void look_ahead(const double[:, ::1] gyr, const double[:, ::1] b, double delay_s, double[:, ::1] out_q)
+    n=cython.Py_ssize_t, hx=double, hy=double, hz=double, s=double, c=double, qw=double, qx=double, qy=double,
+    qz=double)
+cpdef void finish(
+    const double[:, ::1] gyr, const double[:, ::1] b, double delay_s, double unseen_var, double delay_var,
+    double[:, ::1] out_q, double[::1] out_sd)

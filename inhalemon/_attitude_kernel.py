@@ -7,10 +7,14 @@ The error state, always estimate less truth, is
     0, 1  tilt about the room's x and y (rad)
     2, 3  horizontal velocity in the room (m/s)
     4, 5, 6  gyro bias on the sensor's axes (rad/s)
-and its covariance is kept as 7 rows of 8 (the last column is padding: rows of 8 vectorise).
+    7 to 15  gyro scale, row by row: of the rate less its bias, this share is not there (scales and crossed axes)
+and its covariance is kept as 16 rows of 16. Only the first `end` errors are estimated, 16 or 8; of an error that is
+not, variance and value stay what they are. Below the first four rows, their columns are left out: they are the rows.
 """
 
 from __future__ import annotations
+
+import math
 
 
 class AttitudeFilter:
@@ -39,6 +43,8 @@ class AttitudeFilter:
         self.tilt_var = 0.0  # rad^2, at the start
         self.velocity_var = 0.0  # m^2/s^2, at the start
         self.bias_var = 0.0  # rad^2/s^2, at the start
+        self.scale_var = 0.0  # at the start
+        self.end = 16
         self.r_factor = 0.0  # s: the measurement's density is r_factor times the velocity's variance
         self.r_start = 0.0  # m^2/s^2
         self.r_start_s = 0.0
@@ -58,10 +64,15 @@ class AttitudeFilter:
         self.start_f = [0.0] * 3
         self.q = [1.0, 0.0, 0.0, 0.0]
         self.b = [0.0] * 3
+        self.scale = [0.0] * 9
         self.v = [0.0] * 2
-        self.p = [0.0] * 56
+        self.p = [0.0] * 256
         self.w = [0.0] * 3  # the last rate as it was read
+        self.e = [0.0] * 3  # less its bias
+        self.g = [0.0] * 3  # and less what the scales add
         self.acc = [0.0] * 3  # the last specific force as it was read
+        self.largest_rate = 0.0
+        self.largest_acc = 0.0
         self.gyr_same = 0
         self.acc_same = 0
         self.f = [0.0] * 2  # the last horizontal specific force in the room
@@ -77,16 +88,16 @@ class AttitudeFilter:
         self.r = 0.0  # m^2/s^2, the velocity's variance as the window shows it
         # gathered since the last correction: the time, what bias does to tilt, tilt to velocity, and the noise
         self.dt = 0.0
-        self.a = [0.0] * 6
+        self.a = [0.0] * 24
         self.c = 0.0
         self.tilt_noise = 0.0
         self.velocity_noise = 0.0
         # of the last correction, for the smoother
         self.event = 0  # of the last sample: nothing, corrected, started
-        self.d = [0.0] * 8
+        self.d = [0.0] * 16
         self.n_updates = 0
         self.i = [0] * 5
-        self.k = [0.0] * 40
+        self.k = [0.0] * 80
         self.y = [0.0] * 5
         self.s = [0.0] * 5
 
@@ -138,19 +149,21 @@ class AttitudeFilter:
         q[3] = cw * qz + cx * qy - cy * qx
 
     def begin(self) -> None:
-        """Forgets all but attitude and bias; the first time, what is known of the bias too."""
+        """Forgets all but attitude, bias and scale; the first time, what is known of those too."""
         p = self.p
-        for i in range(32):
+        for i in range(64):
             p[i] = 0.0
-        for i in range(4, 7):
-            for j in range(4):
-                p[8 * i + j] = 0.0
-            if not self.is_started:
-                p[9 * i] = self.bias_var
+        if not self.is_started:
+            for i in range(64, 256):
+                p[i] = 0.0
+            for i in range(4, 7):
+                p[17 * i] = self.bias_var
+            for i in range(7, self.end):
+                p[17 * i] = self.scale_var
         p[0] = self.tilt_var
-        p[9] = self.tilt_var
-        p[18] = self.velocity_var
-        p[27] = self.velocity_var
+        p[17] = self.tilt_var
+        p[34] = self.velocity_var
+        p[51] = self.velocity_var
         for i in range(2):
             self.v[i] = 0.0
             self.f[i] = 0.0
@@ -175,6 +188,8 @@ class AttitudeFilter:
         for i in range(3):
             self.b[i] = other.b[i]
             self.w[i] = other.w[i]
+            self.e[i] = other.e[i]
+            self.g[i] = other.g[i]
             self.acc[i] = other.acc[i]
             self.rest_w[i] = other.rest_w[i]
             self.rest_a[i] = other.rest_a[i]
@@ -182,10 +197,14 @@ class AttitudeFilter:
             self.v[i] = other.v[i]
             self.f[i] = other.f[i]
             self.mean_y[i] = other.mean_y[i]
-        for i in range(56):
+        for i in range(9):
+            self.scale[i] = other.scale[i]
+        for i in range(256):
             self.p[i] = other.p[i]
-        for i in range(6):
+        for i in range(24):
             self.a[i] = other.a[i]
+        self.largest_rate = other.largest_rate
+        self.largest_acc = other.largest_acc
         self.gyr_same = other.gyr_same
         self.acc_same = other.acc_same
         self.mean_yy = other.mean_yy
@@ -202,7 +221,7 @@ class AttitudeFilter:
 
     def gather(self) -> None:
         """Begins a new interval between corrections."""
-        for i in range(6):
+        for i in range(24):
             self.a[i] = 0.0
         self.c = 0.0
         self.tilt_noise = 0.0
@@ -218,7 +237,9 @@ class AttitudeFilter:
         variance to use; negative: from the window over the past.
         """
         q = self.q
-        b = self.b
+        a = self.a
+        e = self.e
+        g = self.g
         if self.event != 0:  # the last sample closed an interval; its numbers stood until now for who wanted them
             self.gather()
         self.event = 0
@@ -226,51 +247,75 @@ class AttitudeFilter:
             self.w[0] = wx
             self.w[1] = wy
             self.w[2] = wz
+            self.take_rate()
             self.started_s = 0.0
             self.begin()
             self.start(0.0, ax, ay, az)
             self.event = 2
             return
-        # A reading that is large and the same three times is one that the chip could not follow.
-        if (
-            (wx == self.w[0] and abs(wx) > self.clip_rate)
-            or (wy == self.w[1] and abs(wy) > self.clip_rate)
-            or (wz == self.w[2] and abs(wz) > self.clip_rate)
-        ):
-            self.gyr_same += 1
-            if self.gyr_same > 1:
-                flags |= 1
+        # A reading that is the same three times, and no axis ever read more, is one that the chip could not follow.
+        c = self.largest_rate
+        if abs(wx) > c or abs(wy) > c or abs(wz) > c:
+            self.largest_rate = max(abs(wx), abs(wy), abs(wz))
+            self.gyr_same = 0
+        elif wx == self.w[0] or wy == self.w[1] or wz == self.w[2]:
+            c = max(0.999 * c, self.clip_rate)
+            if (
+                (wx == self.w[0] and abs(wx) > c)
+                or (wy == self.w[1] and abs(wy) > c)
+                or (wz == self.w[2] and abs(wz) > c)
+            ):
+                self.gyr_same += 1
+                if self.gyr_same > 1:
+                    flags |= 1
+            else:
+                self.gyr_same = 0
         else:
             self.gyr_same = 0
-        if (
-            (ax == self.acc[0] and abs(ax) > self.clip_acc)
-            or (ay == self.acc[1] and abs(ay) > self.clip_acc)
-            or (az == self.acc[2] and abs(az) > self.clip_acc)
-        ):
-            self.acc_same += 1
-            if self.acc_same > 1:
-                flags |= 2
+        c = self.largest_acc
+        if abs(ax) > c or abs(ay) > c or abs(az) > c:
+            self.largest_acc = max(abs(ax), abs(ay), abs(az))
+            self.acc_same = 0
+        elif ax == self.acc[0] or ay == self.acc[1] or az == self.acc[2]:
+            c = max(0.999 * c, self.clip_acc)
+            if (
+                (ax == self.acc[0] and abs(ax) > c)
+                or (ay == self.acc[1] and abs(ay) > c)
+                or (az == self.acc[2] and abs(az) > c)
+            ):
+                self.acc_same += 1
+                if self.acc_same > 1:
+                    flags |= 2
+            else:
+                self.acc_same = 0
         else:
             self.acc_same = 0
         self.acc[0] = ax
         self.acc[1] = ay
         self.acc[2] = az
-        ux = self.w[0] - b[0]
-        uy = self.w[1] - b[1]
-        uz = self.w[2] - b[2]
-        gx = wx - b[0]
-        gy = wy - b[1]
-        gz = wz - b[2]
+        ux = g[0]
+        uy = g[1]
+        uz = g[2]
+        hx = e[0]
+        hy = e[1]
+        hz = e[2]
         self.w[0] = wx
         self.w[1] = wy
         self.w[2] = wz
+        self.take_rate()
+        gx = g[0]
+        gy = g[1]
+        gz = g[2]
+        hx = 0.5 * dt * (hx + e[0])
+        hy = 0.5 * dt * (hy + e[1])
+        hz = 0.5 * dt * (hz + e[2])
         self.integrate(dt, ux, uy, uz, gx, gy, gz)
         if self.started_s < self.start_s:
             self.start(dt, ax, ay, az)
             self.look_for_rest(dt, wx, wy, wz, ax, ay, az)
             c = self.tilt_var / (1.0 + self.tilt_var * 48.0 * self.started_s * self.started_s / self.velocity_var)
             self.p[0] = c
-            self.p[9] = c
+            self.p[17] = c
             self.event = 2
             return
         # Specific force in the room, gathered into velocity.
@@ -280,6 +325,32 @@ class AttitudeFilter:
         r10 = 2.0 * (q[1] * q[2] + q[0] * q[3])
         r11 = 1.0 - 2.0 * (q[1] * q[1] + q[3] * q[3])
         r12 = 2.0 * (q[2] * q[3] - q[0] * q[1])
+        # How the errors grow meanwhile: bias and scale tilt.
+        a[0] -= dt * r00
+        a[1] -= dt * r01
+        a[2] -= dt * r02
+        a[12] -= dt * r10
+        a[13] -= dt * r11
+        a[14] -= dt * r12
+        if self.end > 8:
+            a[3] -= r00 * hx
+            a[4] -= r00 * hy
+            a[5] -= r00 * hz
+            a[6] -= r01 * hx
+            a[7] -= r01 * hy
+            a[8] -= r01 * hz
+            a[9] -= r02 * hx
+            a[10] -= r02 * hy
+            a[11] -= r02 * hz
+            a[15] -= r10 * hx
+            a[16] -= r10 * hy
+            a[17] -= r10 * hz
+            a[18] -= r11 * hx
+            a[19] -= r11 * hy
+            a[20] -= r11 * hz
+            a[21] -= r12 * hx
+            a[22] -= r12 * hy
+            a[23] -= r12 * hz
         # The gyro is late: by the time of this specific force the part has turned on.
         c = self.gyr_delay_s
         hx = ax + c * (gy * az - gz * ay)
@@ -297,17 +368,8 @@ class AttitudeFilter:
         self.v[1] += 0.5 * dt * (self.f[1] + fy)
         self.f[0] = fx
         self.f[1] = fy
-        # How the errors grow meanwhile: the bias tilts, the tilt accelerates.
-        self.a[0] -= dt * r00
-        self.a[1] -= dt * r01
-        self.a[2] -= dt * r02
-        self.a[3] -= dt * r10
-        self.a[4] -= dt * r11
-        self.a[5] -= dt * r12
-        self.c += dt * fz
-        self.tilt_noise += dt * (
-            self.gyr_q + 0.5 * self.rate_q * (ux * ux + uy * uy + uz * uz + gx * gx + gy * gy + gz * gz)
-        )
+        self.c += dt * fz  # tilt accelerates
+        self.tilt_noise += dt * (self.gyr_q + self.rate_q * (gx * gx + gy * gy + gz * gz))
         self.velocity_noise += dt * self.acc_q
         if flags & 1:
             self.tilt_noise += dt * self.gyr_saturated_q
@@ -321,6 +383,17 @@ class AttitudeFilter:
         if self.dt + 0.5 * dt >= self.update_s:
             self.correct(r_given, fz)
             self.event = 1
+
+    def take_rate(self) -> None:
+        """The last rate without its bias, and without what the scales add."""
+        e = self.e
+        k = self.scale
+        e[0] = self.w[0] - self.b[0]
+        e[1] = self.w[1] - self.b[1]
+        e[2] = self.w[2] - self.b[2]
+        self.g[0] = e[0] - (k[0] * e[0] + k[1] * e[1] + k[2] * e[2])
+        self.g[1] = e[1] - (k[3] * e[0] + k[4] * e[1] + k[5] * e[2])
+        self.g[2] = e[2] - (k[6] * e[0] + k[7] * e[1] + k[8] * e[2])
 
     def correct(self, r_given: float, fz: float) -> None:
         """Brings the covariance up to now and takes in that the inertial velocity is zero, give or take r."""
@@ -336,7 +409,7 @@ class AttitudeFilter:
         self.mean_y[0] += g * (vx - self.mean_y[0])
         self.mean_y[1] += g * (vy - self.mean_y[1])
         self.mean_yy += g * (vx * vx + vy * vy - self.mean_yy)
-        self.hph = p[18] + p[27]
+        self.hph = p[34] + p[51]
         self.mean_hph += g * (self.hph - self.mean_hph)
         r = 0.5 * (self.mean_yy - self.mean_y[0] * self.mean_y[0] - self.mean_y[1] * self.mean_y[1] - self.mean_hph)
         r = min(max(r, 0.0) + self.r_floor, self.r_largest)
@@ -353,8 +426,8 @@ class AttitudeFilter:
             for i in range(3):
                 g = b[i] - self.rest_w[i]
                 if not self.has_rested:
-                    p[9 * (4 + i)] += g * g  # the first rest is believed whatever was thought before
-                if g * g <= self.rest_bias_gate + 16.0 * p[9 * (4 + i)]:
+                    p[17 * (4 + i)] += g * g  # the first rest is believed whatever was thought before
+                if g * g <= self.rest_bias_gate + 16.0 * p[17 * (4 + i)]:
                     self.update(4 + i, g, s)
             self.has_rested = True
         self.v[0] = vx - self.d[2]
@@ -362,6 +435,9 @@ class AttitudeFilter:
         b[0] -= self.d[4]
         b[1] -= self.d[5]
         b[2] -= self.d[6]
+        for i in range(7, self.end):
+            self.scale[i - 7] -= self.d[i]
+        self.take_rate()
         self.tilt(-0.5 * self.d[0], -0.5 * self.d[1])
         self.f[0] -= self.d[1] * fz
         self.f[1] += self.d[0] * fz
@@ -369,46 +445,66 @@ class AttitudeFilter:
     def grow(self) -> None:
         """The covariance at the end of the interval: P = F P F' + Q."""
         p = self.p
-        a0 = self.a[0]
-        a1 = self.a[1]
-        a2 = self.a[2]
-        a3 = self.a[3]
-        a4 = self.a[4]
-        a5 = self.a[5]
+        a = self.a
         c = self.c
-        for j in range(8):
-            p[j] += a0 * p[32 + j] + a1 * p[40 + j] + a2 * p[48 + j]
-            p[8 + j] += a3 * p[32 + j] + a4 * p[40 + j] + a5 * p[48 + j]
-        p[0] += a0 * p[4] + a1 * p[5] + a2 * p[6] + self.tilt_noise
-        p[1] += a3 * p[4] + a4 * p[5] + a5 * p[6]
-        p[9] += a3 * p[12] + a4 * p[13] + a5 * p[14] + self.tilt_noise
-        p[8] = p[1]
-        for j in range(8):
-            p[16 + j] += c * p[8 + j]
-            p[24 + j] -= c * p[j]
-        # the columns of tilt follow its rows: the velocity's entries there have had tilt's part from row and column
-        p[16] = p[2] + c * p[1]
-        p[17] = p[10] + c * p[9]
-        p[24] = p[3] - c * p[0]
-        p[25] = p[11] - c * p[1]
-        p[18] += c * p[17] + self.velocity_noise
-        p[19] -= c * p[16]
-        p[27] += self.velocity_noise - c * p[24]
-        p[26] = p[19]
-        p[2] = p[16]
-        p[10] = p[17]
-        p[3] = p[24]
-        p[11] = p[25]
+        t = [0.0] * 16
+        u = [0.0] * 16
+        # Tilt takes bias and scale: from the old covariance with them, once as row and once as column, to the new.
+        s00 = 0.0
+        s01 = 0.0
+        s11 = 0.0
+        for i in range(4, self.end):
+            s00 += a[i - 4] * p[i]
+            s01 += a[i - 4] * p[16 + i]
+            s11 += a[8 + i] * p[16 + i]
+            p[2] += a[i - 4] * p[32 + i]
+            p[3] += a[i - 4] * p[48 + i]
+            p[18] += a[8 + i] * p[32 + i]
+            p[19] += a[8 + i] * p[48 + i]
+        for j in range(4, self.end):
+            t[j] = p[j]
+            u[j] = p[16 + j]
+        for i in range(4, self.end, 4):  # four rows side by side: compilers turn this into vector instructions
+            for j in range(4, self.end):
+                t[j] += (
+                    a[i - 4] * p[16 * i + j]
+                    + a[i - 3] * p[16 * i + 16 + j]
+                    + a[i - 2] * p[16 * i + 32 + j]
+                    + a[i - 1] * p[16 * i + 48 + j]
+                )
+                u[j] += (
+                    a[8 + i] * p[16 * i + j]
+                    + a[9 + i] * p[16 * i + 16 + j]
+                    + a[10 + i] * p[16 * i + 32 + j]
+                    + a[11 + i] * p[16 * i + 48 + j]
+                )
+        for j in range(4, self.end):
+            p[j] = t[j]
+            p[16 + j] = u[j]
+            p[32 + j] += c * u[j]  # velocity takes tilt
+            p[48 + j] -= c * t[j]
+        for i in range(4, self.end):
+            s00 += a[i - 4] * p[i]
+            s01 += a[8 + i] * p[i]
+            s11 += a[8 + i] * p[16 + i]
+        p[0] += s00 + self.tilt_noise
+        p[1] += s01
+        p[17] += s11 + self.tilt_noise
+        p[34] += c * (2.0 * p[18] + c * p[17]) + self.velocity_noise
+        p[35] += c * (p[19] - p[2] - c * p[1])
+        p[51] += c * (c * p[0] - 2.0 * p[3]) + self.velocity_noise
+        p[2] += c * p[1]
+        p[18] += c * p[17]
+        p[3] -= c * p[0]
+        p[19] -= c * p[1]
+        p[16] = p[1]
+        p[32] = p[2]
+        p[33] = p[18]
+        p[48] = p[3]
+        p[49] = p[19]
+        p[50] = p[35]
         for i in range(4, 7):
-            p[8 * i] = p[i]
-            p[8 * i + 1] = p[8 + i]
-            p[8 * i + 2] = p[16 + i]
-            p[8 * i + 3] = p[24 + i]
-            p[9 * i] += self.dt * self.bias_q
-        # rounding must not make the bias's own block lopsided
-        p[44] = p[37]
-        p[52] = p[38]
-        p[53] = p[46]
+            p[17 * i] += self.dt * self.bias_q
 
     def integrate(self, dt: float, ux: float, uy: float, uz: float, gx: float, gy: float, gz: float) -> None:
         """Turns the attitude by the mean of the two rates that bound the step, and the coning between them."""
@@ -489,35 +585,33 @@ class AttitudeFilter:
     def update_velocity(self, vx: float, vy: float, var: float) -> None:
         """The two velocities, one after the other, as `update` would; the covariance is gone through once."""
         p = self.p
-        h = [0.0] * 8
-        k = [0.0] * 8
-        h2 = [0.0] * 8
-        k2 = [0.0] * 8
-        s = 1.0 / (p[18] + var)
-        for j in range(8):
-            h[j] = p[16 + j]
-        for j in range(8):
+        h = [0.0] * 16
+        k = [0.0] * 16
+        h2 = [0.0] * 16
+        k2 = [0.0] * 16
+        s = 1.0 / (p[34] + var)
+        for j in range(self.end):
+            h[j] = p[32 + j]
+        for j in range(self.end):
             k[j] = h[j] * s
         c = k[3]
-        for j in range(8):
-            h2[j] = p[24 + j] - c * h[j]
+        for j in range(self.end):
+            h2[j] = p[48 + j] - c * h[j]
         s2 = 1.0 / (h2[3] + var)
-        for j in range(8):
+        for j in range(self.end):
             k2[j] = h2[j] * s2
         y2 = vy - c * vx
-        for j in range(8):
+        for j in range(self.end):
             self.d[j] = k[j] * vx + k2[j] * y2
-        for j in range(8):  # seven rows side by side: compilers turn this into vector instructions
-            p[j] -= h[0] * k[j] + h2[0] * k2[j]
-            p[8 + j] -= h[1] * k[j] + h2[1] * k2[j]
-            p[16 + j] -= h[2] * k[j] + h2[2] * k2[j]
-            p[24 + j] -= h[3] * k[j] + h2[3] * k2[j]
-            p[32 + j] -= h[4] * k[j] + h2[4] * k2[j]
-            p[40 + j] -= h[5] * k[j] + h2[5] * k2[j]
-            p[48 + j] -= h[6] * k[j] + h2[6] * k2[j]
-        for j in range(8):
+        for i in range(4):
+            for j in range(self.end):
+                p[16 * i + j] -= h[i] * k[j] + h2[i] * k2[j]
+        for i in range(4, self.end):
+            for j in range(4, self.end):
+                p[16 * i + j] -= h[i] * k[j] + h2[i] * k2[j]
+        for j in range(self.end):
             self.k[j] = k[j]
-            self.k[8 + j] = k2[j]
+            self.k[16 + j] = k2[j]
         self.i[0] = 2
         self.i[1] = 3
         self.y[0] = vx * s
@@ -527,28 +621,28 @@ class AttitudeFilter:
         self.n_updates = 2
 
     def update(self, i: int, error: float, var: float) -> None:
-        """One scalar measurement of error i, with its variance."""
+        """One scalar measurement of error i, a bias, with its variance."""
         p = self.p
-        h = [0.0] * 8
-        k = [0.0] * 8
-        s = 1.0 / (p[9 * i] + var)
+        h = [0.0] * 16
+        k = [0.0] * 16
+        s = 1.0 / (p[17 * i] + var)
         y = error - self.d[i]
-        for j in range(8):
-            h[j] = p[8 * i + j]
-        for j in range(8):
+        for j in range(4):
+            h[j] = p[16 * j + i]
+        for j in range(4, self.end):
+            h[j] = p[16 * i + j]
+        for j in range(self.end):
             k[j] = h[j] * s
-        for j in range(8):
+        for j in range(self.end):
             self.d[j] += k[j] * y
-        for j in range(8):  # seven rows side by side: compilers turn this into vector instructions
-            p[j] -= h[0] * k[j]
-            p[8 + j] -= h[1] * k[j]
-            p[16 + j] -= h[2] * k[j]
-            p[24 + j] -= h[3] * k[j]
-            p[32 + j] -= h[4] * k[j]
-            p[40 + j] -= h[5] * k[j]
-            p[48 + j] -= h[6] * k[j]
-        for j in range(8):
-            self.k[8 * self.n_updates + j] = k[j]
+        for m in range(4):
+            for j in range(self.end):
+                p[16 * m + j] -= h[m] * k[j]
+        for m in range(4, self.end):
+            for j in range(4, self.end):
+                p[16 * m + j] -= h[m] * k[j]
+        for j in range(self.end):
+            self.k[16 * self.n_updates + j] = k[j]
         self.i[self.n_updates] = i
         self.y[self.n_updates] = y * s
         self.s[self.n_updates] = s
@@ -623,7 +717,7 @@ class AttitudeFilter:
             out_q[n, i] = self.q[i]
         for i in range(3):
             out_b[n, i] = self.b[i]
-        out_var[n] = 0.5 * (self.p[0] + self.p[9])
+        out_var[n] = 0.5 * (self.p[0] + self.p[17])
         out_r[n] = self.r
         if len(out_y) == 0:
             return
@@ -678,19 +772,21 @@ class AttitudeFilter:
                 self.event = 2
             if self.event == 0:
                 continue
-            for i in range(6):
+            for i in range(3):
                 tape[n_rows, i] = self.a[i]
+                tape[n_rows, 3 + i] = self.a[12 + i]
             tape[n_rows, 6] = self.c
             marks[n_rows, 0] = n
             marks[n_rows, 1] = self.n_updates if self.event == 1 else -1
             for u in range(self.n_updates):
                 for i in range(8):
-                    tape[n_rows, 10 + 10 * u + i] = self.k[8 * u + i]
+                    tape[n_rows, 10 + 10 * u + i] = self.k[16 * u + i]
                 tape[n_rows, 18 + 10 * u] = self.y[u]
                 tape[n_rows, 19 + 10 * u] = self.s[u]
                 marks[n_rows, 2 + u] = self.i[u]
-            for i in range(56):
-                tape[n_rows, 64 + i] = self.p[i]
+            for i in range(7):
+                for j in range(8):
+                    tape[n_rows, 64 + 8 * i + j] = self.p[16 * i + j] if i < 4 or j > 3 else self.p[16 * j + i]
             for i in range(4):
                 tape[n_rows, 120 + i] = self.q[i]
             for i in range(3):
@@ -831,22 +927,40 @@ def fill(
             out_q[n, i] = turner.q[i]
 
 
-def look_ahead(gyr: memoryview[float], b: memoryview[float], delay_s: float, out_q: memoryview[float]) -> None:
-    """Turns each attitude on by what its rate does in the gyro's delay."""
+def finish(
+    gyr: memoryview[float],
+    b: memoryview[float],
+    delay_s: float,
+    unseen_var: float,
+    delay_var: float,
+    out_q: memoryview[float],
+    out_sd: memoryview[float],
+) -> None:
+    """Turns each attitude on by what its rate does in the gyro's delay, and the variance of tilt into a deviation.
+
+    To it come `unseen_var` (rad^2) and `delay_var` (s^2), the doubt about the delay, times the rate squared.
+    """
     for n in range(len(gyr)):
-        hx = 0.5 * delay_s * (gyr[n, 0] - b[n, 0])
-        hy = 0.5 * delay_s * (gyr[n, 1] - b[n, 1])
-        hz = 0.5 * delay_s * (gyr[n, 2] - b[n, 2])
+        hx = gyr[n, 0] - b[n, 0]
+        hy = gyr[n, 1] - b[n, 1]
+        hz = gyr[n, 2] - b[n, 2]
         s = hx * hx + hy * hy + hz * hz
-        s = 1.0 - s * (0.5 - s * (0.375 - s * 0.3125))  # 1/sqrt(1 + s) for a small turn
-        qw = out_q[n, 0] * s
-        qx = out_q[n, 1] * s
-        qy = out_q[n, 2] * s
-        qz = out_q[n, 3] * s
-        out_q[n, 0] = qw - qx * hx - qy * hy - qz * hz
-        out_q[n, 1] = qw * hx + qx + qy * hz - qz * hy
-        out_q[n, 2] = qw * hy - qx * hz + qy + qz * hx
-        out_q[n, 3] = qw * hz + qx * hy - qy * hx + qz
+        out_sd[n] = math.sqrt(max(out_sd[n], 0.0) + unseen_var + delay_var * s)
+        if delay_s != 0.0:
+            c = 0.5 * delay_s
+            hx *= c
+            hy *= c
+            hz *= c
+            s *= c * c
+            s = 1.0 - s * (0.5 - s * (0.375 - s * 0.3125))  # 1/sqrt(1 + s) for a small turn
+            qw = out_q[n, 0] * s
+            qx = out_q[n, 1] * s
+            qy = out_q[n, 2] * s
+            qz = out_q[n, 3] * s
+            out_q[n, 0] = qw - qx * hx - qy * hy - qz * hz
+            out_q[n, 1] = qw * hx + qx + qy * hz - qz * hy
+            out_q[n, 2] = qw * hy - qx * hz + qy + qz * hx
+            out_q[n, 3] = qw * hz + qx * hy - qy * hx + qz
 
 
 def centred_r(

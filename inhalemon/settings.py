@@ -95,13 +95,13 @@ class AttitudeSettings:
     method: AttitudeMethod = AttitudeMethod.AKF
     smooth: bool = True  # use the whole recording for every sample; False: only what came before, as while recording
     is_adaptive: bool = True  # False: R stays `r_start_m2_s2` (for comparison)
-    update_s: float = 0.04  # between corrections: drift is slow beside it, and 0.02 is no better on any recording
+    update_s: float = 0.1  # between corrections: drift is slow beside it, and 0.02 is hardly better on any recording
 
     # the sensor's errors
     gyr_delay_s: float = 0.002  # the gyro's low-pass is late: MPU-9250, 1 ms at 250 Hz, 2.9 ms at 184, 3.9 ms at 92
     sd_delay_s: float = 0.001
     gyr_noise_deg_sqrt_s: float = 0.01  # MPU-9250: 0.01 deg/s/sqrt(Hz)
-    gyr_scale_error: float = 0.004  # noise that grows with the rate: scale and axes are off by so much ...
+    gyr_scale_error: float = 0.002  # noise that grows with the rate: nonlinear, and scales change, by so much ...
     gyr_scale_time_s: float = 0.3  # ... and a stroke of a hand lasts so long
     bias_walk_deg_s_sqrt_s: float = 0.01
     acc_noise_m_s_sqrt_s: float = 0.01
@@ -124,12 +124,13 @@ class AttitudeSettings:
     sd_start_tilt_deg: float = 40.0
     sd_start_velocity_m_s: float = 1.0
     sd_start_bias_deg_s: float = 3.0  # MPU-9250: +-5 deg/s, LSM9DS1: +-30; a rest is believed beyond it
+    sd_start_scale: float = 0.005  # gyro scales and crossed axes: MPU-9250 3 % and 2 % at most, calibrated ones less
 
     # the measurement "the velocity is zero, give or take R"
     window_s: float = 3.0
-    r_factor_s: float = 1.0  # twice the time in which a hand's velocity forgets itself, 0.5 s
+    r_factor_s: float = 2.0  # twice the time in which a hand's velocity forgets itself, 1 s
     r_floor_m2_s2: float = 0.01
-    r_largest_m2_s2: float = 2.0  # a hand does not keep up 1.4 m/s; what looks like more is an error not known of
+    r_largest_m2_s2: float = 0.2  # a hand that is faster than 0.45 m/s turns back sooner: its reach is a metre
     r_start_m2_s2: float = 0.5  # before the window has seen anything, counted as `r_start_s` of it
     r_start_s: float = 2.0
 

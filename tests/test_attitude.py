@@ -326,6 +326,49 @@ def test_clipped_rates_do_harm_for_a_while_only(settings, is_told):
     assert estimate.sd_tilt_rad[inside].max() > 1.5 * estimate.sd_tilt_rad[2000]
 
 
+def test_peaks_of_coarse_readings_are_not_taken_for_clipped():
+    """A smooth peak reads the same for some samples; only a chip at its range never reads more."""
+    track, _ = waving(8, duration_s=60.0, rate_hz=400.0, noise=0.0)
+    step = np.radians(2.0)
+    coarse = dataclasses.replace(track, gyr_rad_s=np.round(3.0 * track.gyr_rad_s / step) * step / 3.0)
+    gyr = np.abs(coarse.gyr_rad_s)
+    is_same = (np.diff(coarse.gyr_rad_s, axis=0)[1:] == 0.0) & (np.diff(coarse.gyr_rad_s, axis=0)[:-1] == 0.0)
+    least_deg_s = 60.0
+    later = coarse.time_s[2:, None] > 15.0
+    assert (is_same & later & (gyr[2:] > np.radians(least_deg_s)) & (gyr[2:] < 0.99 * gyr[:6000].max())).any()
+    sd, sd_never = (
+        estimate_attitude(coarse, dataclasses.replace(CAUSAL, clip_rate_deg_s=limit)).sd_tilt_rad
+        for limit in (least_deg_s, 1e9)
+    )
+    assert np.allclose(sd[6000:], sd_never[6000:], rtol=0.1)
+
+
+@BOTH
+def test_scales_and_crossed_axes_of_the_gyro_are_learned(settings):
+    """1 % and 0.7 % are usual for chips as sold; whole turns, one way and another, add up what is not learned."""
+    rng = np.random.default_rng(5)
+    time_s = np.arange(0.0, 120.0, 0.01)
+    errors = []
+    for _ in range(6):
+        waves = 2 * np.pi * rng.uniform(0.05, 0.3, 3) * time_s[:, None] + rng.uniform(0.0, 6.0, 3)
+        gyr = 2.0 * np.sin(waves)
+        q_true = np.tile(UPRIGHT, (time_s.size, 1))
+        for n, turn in enumerate(from_rotation_vector((gyr[1:] + gyr[:-1]) / 2 * 0.01)):
+            q_true[n + 1] = multiply(q_true[n], turn)
+        shake = 3.0 * np.sin(2 * np.pi * rng.uniform(0.5, 2.0, 3) * time_s[:, None] + rng.uniform(0.0, 6.0, 3))
+        off = np.eye(3) + rng.normal(0.0, 0.007, (3, 3)) + np.diag(rng.normal(0.0, 0.007, 3))
+        track = ImuTrack(time_s, rotate(conjugate(q_true), shake + GRAVITY), gyr @ off.T)
+        errors.append(
+            [
+                np.sqrt(np.mean(inclination_deg(estimate_attitude(track, how).q, q_true)[3000:] ** 2))
+                for how in (settings, dataclasses.replace(settings, sd_start_scale=0.0))
+            ]
+        )
+    learned, not_learned = np.mean(errors, axis=0)
+    assert learned < 0.5 * not_learned
+    assert learned < 0.5
+
+
 @BOTH
 @pytest.mark.parametrize("gap_s", [0.2, 0.8, 5.0])
 def test_gap_widens_the_doubt_and_then_heals(settings, gap_s):

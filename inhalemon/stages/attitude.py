@@ -21,7 +21,7 @@ from inhalemon import _source_kernel as source_kernel
 from inhalemon.exceptions import RecordingError
 from inhalemon.rotation import from_source, from_two_vectors, to_source
 from inhalemon.settings import AttitudeMethod, AttitudeSettings
-from inhalemon.signals import memory, squares
+from inhalemon.signals import memory
 from inhalemon.values import AttitudeTrack, FloatArray, ImuTrack
 
 log = logging.getLogger(__name__)
@@ -107,7 +107,8 @@ class _Estimate:
 def _akf(track: ImuTrack, settings: AttitudeSettings) -> AttitudeTrack:
     out = _Estimate.empty(track.n_samples, n_innovations=track.n_samples if settings.smooth else 0)
     samples = (memory(track.time_s), memory(track.gyr_rad_s), memory(track.acc_m_s2), _sample_flags(track).data)
-    _new_filter(settings).run(*samples, *out.views)
+    akf = _new_filter(settings)
+    akf.run(*samples, *out.views)
     if settings.smooth:
         kernel.centred_r(
             samples[0],
@@ -117,7 +118,7 @@ def _akf(track: ImuTrack, settings: AttitudeSettings) -> AttitudeTrack:
             settings.r_largest_m2_s2,
             memory(out.r),
         )
-        _smooth(samples, out, settings)
+        _smooth(samples, out, settings, akf.scale)
     return _as_track(track, out, settings)
 
 
@@ -125,6 +126,7 @@ def _smooth(
     samples: tuple[memoryview[float], memoryview[float], memoryview[float], memoryview[int]],
     out: _Estimate,
     settings: AttitudeSettings,
+    scale: list[float],
 ) -> None:
     """Replaces the causal estimate by the smoothed one.
 
@@ -141,6 +143,7 @@ def _smooth(
     akf.start_s = 0.0  # a finished recording needs no careful start: what comes later corrects it
     akf.b = out.bias[-1].tolist()  # ... but one near enough to be linear about: the bias as it was known at the end
     akf.has_rested = True
+    akf.scale, akf.end = scale, 8  # the scales do not change: the last the causal filter knew is the best for all
     states = []
     for first in range(0, n, BLOCK):
         states.append(kernel.AttitudeFilter())
@@ -154,7 +157,8 @@ def _smooth(
         n_rows = akf.write_tape(time_s, gyr, acc, flags, r, first, min(first + BLOCK, n), memory(tape), marks.data)
         smoother.run(memory(tape), marks.data, n_rows, q, bias, tilt_var)
         is_row[marks[:n_rows, 0]] = 1
-    kernel.fill(time_s, gyr, is_row.data, q, bias, tilt_var)
+    without_scale = out.bias[-1] + (np.asarray(gyr) - out.bias[-1]) @ (np.eye(3) - np.reshape(scale, (3, 3))).T
+    kernel.fill(time_s, memory(without_scale), is_row.data, q, bias, tilt_var)
 
 
 def _new_filter(settings: AttitudeSettings) -> kernel.AttitudeFilter:
@@ -178,6 +182,7 @@ def _new_filter(settings: AttitudeSettings) -> kernel.AttitudeFilter:
     akf.tilt_var = math.radians(settings.sd_start_tilt_deg) ** 2
     akf.velocity_var = settings.sd_start_velocity_m_s**2
     akf.bias_var = math.radians(settings.sd_start_bias_deg_s) ** 2
+    akf.scale_var = settings.sd_start_scale**2
     akf.r_is_constant = not settings.is_adaptive
     akf.r_factor = settings.r_factor_s
     akf.r_start = settings.r_start_m2_s2
@@ -196,11 +201,16 @@ def _new_filter(settings: AttitudeSettings) -> kernel.AttitudeFilter:
 
 def _as_track(track: ImuTrack, out: _Estimate, settings: AttitudeSettings) -> AttitudeTrack:
     """Brings the attitude from the gyro's delayed time to the sample's, and adds to sd what the filter cannot know."""
-    kernel.look_ahead(memory(track.gyr_rad_s), memory(out.bias), settings.gyr_delay_s, memory(out.q))
-    rate2 = squares(track.gyr_rad_s)
-    unseen_var = (settings.sd_acc_bias_m_s2 / GRAVITY_M_S2) ** 2 + 0.5 * settings.sd_delay_s**2 * rate2
-    sd = np.sqrt(np.maximum(out.tilt_var, 0.0) + unseen_var)
-    return AttitudeTrack(track.time_s, out.q, sd, out.bias, out.r, r_unit="m2/s2")
+    kernel.finish(
+        memory(track.gyr_rad_s),
+        memory(out.bias),
+        settings.gyr_delay_s,
+        (settings.sd_acc_bias_m_s2 / GRAVITY_M_S2) ** 2,
+        0.5 * settings.sd_delay_s**2,
+        memory(out.q),
+        memory(out.tilt_var),
+    )
+    return AttitudeTrack(track.time_s, out.q, out.tilt_var, out.bias, out.r, r_unit="m2/s2")
 
 
 # ------------------------------------------------------------------------------------- the source's, to compare
