@@ -197,7 +197,8 @@ def find_stays(
             continue
         barrier = _prepared(motion, holds, k, strokes)
         since = max(holds[k - 1].end - round(0.1 * rate) if k else 0, barrier)
-        before = min(max(hold.start - round(settings.max_tilt_back_s * rate), since), hold.start)
+        since = max(since, hold.start - round(settings.max_tilt_back_s * rate))
+        before = _arrived(path, min(since, hold.start), hold, settings.at_mouth_m)
         rises = [_rise(signal, before, hold) for signal in (path.elevation_rad, path.turn_rad)]
         gain_rad, low, signal = max(rises, key=lambda rise: rise[0])
         is_tilted = gain_rad >= settings.min_tilt_back_rad
@@ -249,6 +250,13 @@ def _farthest(path: Path, stretch: slice, hold: Hold) -> float:
     """How far from the hold's place the device was within a stretch, m; the odd sample does not count."""
     away = path.place_m[stretch] - quantile(path.place_m[hold.start : hold.end], 0.5)
     return float(quantile(lengths(away), 0.8)) if away.size else 0.0
+
+
+def _arrived(path: Path, since: int, hold: Hold, near_m: float) -> int:
+    """The sample since when the device is near the hold's place; a turn on the way there is no tilt-back."""
+    away = path.place_m[since : hold.start] - quantile(path.place_m[hold.start : hold.end], 0.5)
+    far = np.flatnonzero(lengths(away) > near_m)
+    return since + (int(far[-1]) + 1 if far.size else 0)
 
 
 def _rise(signal: FloatArray, before: int, hold: Hold) -> tuple[float, int, FloatArray]:
