@@ -284,7 +284,8 @@ def _cover(dose: _Dose, device: Device) -> dict[str, Measure]:
     openings = [stroke for stroke in dose.strokes if stroke.kind is EventKind.OPEN and stroke.start_s < inhaled_s]
     full_deg = math.degrees(device.full_stroke_rad)
     last_s = dose.span[1]
-    final = motion.lever_rad[dose.samples(max(last_s - 0.5, dose.span[0]), last_s)]
+    stroked_s = dose.strokes[-1].end_s if dose.strokes else dose.span[0]
+    final = motion.lever_rad[dose.samples(max(last_s - 0.5, stroked_s), last_s)]
     is_cut = last_s >= motion.time_s[-1] - 0.1 and dose.phases[-1].kind in _UNFINISHED
     shown = (openings[0].start_s, openings[-1].end_s) if openings else (None, None)
     measures = {

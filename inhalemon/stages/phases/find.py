@@ -108,7 +108,8 @@ def _one_a_dose(
         at_s = float(motion.time_s[stay.onset])
         part = sum(begin <= at_s for begin in begins)
         is_unprepared = part == 0 and bool(begins)
-        if stay.likeness < settings.min_likeness or (is_unprepared and is_ellipta):
+        is_lifted = stay.lift_m > settings.min_lift_m
+        if stay.likeness < settings.min_likeness or (is_unprepared and (is_ellipta or not is_lifted)):
             continue
         if is_unprepared and not stay.is_pressed:
             stay = replace(stay, is_tilted=False)  # noqa: PLW2901  at the mouth, but nothing to inhale yet
@@ -116,16 +117,16 @@ def _one_a_dose(
     kept = []
     for rivals in parts.values():
         tilted = [stay for stay in rivals if stay.is_tilted]
-        kept.append(max(tilted or rivals, key=lambda stay: (stay.likeness, stay.end - stay.onset)))
-    inhaled = [stay.height_m for stay in kept if stay.is_tilted]
-    # Without a tilt, only the height tells the mouth: that of the inhalation, where there is one.
-    return [
-        stay
-        for stay in kept
-        if stay.is_tilted
-        or not inhaled
-        or min(abs(stay.height_m - height) for height in inhaled) < settings.mouth_height_m
-    ]
+        kept.append(max(tilted or rivals, key=lambda stay: _preference(stay, motion)))
+    return kept
+
+
+def _preference(stay: Stay, motion: Motion) -> float:
+    """How much speaks for a stay beside its rivals: of two that are as likely the longer and the higher one.
+
+    At the mouth the device waits a moment before the breath; nowhere else it is held as high.
+    """
+    return stay.likeness + 0.1 * min((stay.end - stay.onset) / motion.rate_hz, 2.0) + stay.height_m
 
 
 def _masks(

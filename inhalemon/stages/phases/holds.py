@@ -47,6 +47,7 @@ class Stay:
     is_pressed: bool
     likeness: float  # 0 to 1
     height_m: float
+    lift_m: float  # above where the device was in the hand before
 
 
 def path_of(motion: Motion, on_table: BoolArray, settings: PhaseSettings) -> Path:
@@ -127,13 +128,15 @@ def find_holds(
         unsettled = max(sum(parts[-1]) // 2, parts[-1][1] - shortly)
         first = _arrival(path.pose[before : settled + 1]) + before
         last = _leaving(path.pose[unsettled:after]) + unsettled
-        if last - first < 2:
+        if last - first < round(settings.min_hold_s * rate):
             continue  # the hand only paused between two movements
         whole = slice(parts[0][0], parts[-1][1])
         is_on_table = float(np.mean(on_table[whole])) > 0.5
         if is_on_table and first:
             first = _laid_down(motion, first, last, settings)
-        holds.append(Hold(first, last, float(quantile(path.height_m[whole], 0.5)), is_on_table))
+        if holds and first <= holds[-1].end and is_on_table == holds[-1].on_table:
+            first = holds.pop().start  # nothing between the two went far enough to be a movement
+        holds.append(Hold(first, last, float(quantile(path.height_m[first:last], 0.5)), is_on_table))
     return holds
 
 
@@ -205,7 +208,8 @@ def find_stays(
         carried_in = _farthest(path, slice(barrier, low + 1), hold)
         carried_out = _farthest(path, slice(hold.end, hold.end + round(settings.leaving_s * rate)), hold)
         earlier_m = float(quantile(path.height_m[barrier : low + 1], 0.5))
-        is_lowered = hold.height_m < earlier_m - settings.lowered_m
+        lift_m = hold.height_m - earlier_m
+        is_lowered = lift_m < -settings.lowered_m
         there = -1.0 if is_lowered else min(carried_in / settings.mouth_way_m, 1.0) * 2.0 - 1.0
         back = min(carried_out / settings.mouth_way_m, 1.0) * 2.0 - 1.0
         begin_s, end_s = motion.time_s[low], motion.time_s[hold.end - 1]
@@ -216,26 +220,42 @@ def find_stays(
         elif (
             min(there, back) > 0.5
             and lasts_s >= settings.min_untilted_stay_s
-            and hold.height_m - earlier_m > settings.min_lift_m
+            and lift_m > settings.min_lift_m
         ):
             likeness = 0.4 * (there + back)
         else:
             continue
-        hold_end, after_end = _afterwards(motion, path, holds, k, strokes, settings)
+        last = _while_tilted(path, holds, k, signal, gain_rad, settings) if is_tilted else k
+        hold_end, after_end = _afterwards(motion, path, holds, last, strokes, settings)
         found.append(
             Stay(
                 pause=_pause_before(motion, path, holds, k, barrier, min(settings.away_m, 0.5 * carried_in), settings),
                 onset=onset(signal, low, hold.start) if is_tilted else hold.start,
-                end=hold.end,
+                end=holds[last].end,
                 hold_end=hold_end,
                 after_end=after_end,
                 is_tilted=is_tilted,
                 is_pressed=is_pressed,
                 likeness=likeness,
                 height_m=hold.height_m,
+                lift_m=lift_m,
             )
         )
     return found
+
+
+def _while_tilted(
+    path: Path, holds: Sequence[Hold], k: int, signal: FloatArray, gain_rad: float, settings: PhaseSettings
+) -> int:
+    """The last of the holds from `k` on up to which the tilt is kept, at the same place: an unsteady hand holds in parts."""
+    kept_rad = float(quantile(signal[holds[k].start : holds[k].end], 0.5)) - 0.5 * gain_rad
+    last = k
+    while last + 1 < len(holds) and not holds[last + 1].on_table:
+        on = holds[last + 1]
+        if signal[holds[last].end : on.end].min() < kept_rad or _distance(path, on, holds[k]) > 0.5 * settings.away_m:
+            break
+        last += 1
+    return last
 
 
 def _prepared(motion: Motion, holds: Sequence[Hold], k: int, strokes: Sequence[tuple[float, float]]) -> int:
