@@ -238,6 +238,8 @@ class PhaseSettings:
     smooth_s: tuple[float, ...] = (0.1, 0.3, 0.6)  # as little as shows the hand still: it walks, or sits in a car
     min_still_share: float = 0.25  # of the time in the hand
     still_speed: float = 0.7  # clear movements a second: 7 deg/s, 3.5 cm/s
+    times_sway: float = 2.0  # the speed of a hand in the stillest quarter of its time
+    max_still_speed: float = 1.5
     min_hold_s: float = 0.08
     setting_off_s: float = 0.5  # the first of a movement, slow as sway
     max_disturbance_s: float = 0.8  # a press shakes the hand for less

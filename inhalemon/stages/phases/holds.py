@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ class Path:
     elevation_rad: FloatArray  # (n,) of the body's y against level: the tilt-back of the head, whatever the roll
     place_m: FloatArray  # (n, 3) in the room
     height_m: FloatArray  # (n,)
+    still_speed: float  # below it this hand holds still
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,11 +58,15 @@ def path_of(motion: Motion, on_table: BoolArray, settings: PhaseSettings) -> Pat
     """
     in_hand = ~on_table
     path = _smoothed(motion, settings.smooth_s[0], settings)
+    if not in_hand.any():
+        return path
     for smooth_s in settings.smooth_s[1:]:
-        if not in_hand.any() or np.mean(path.speed[in_hand] < settings.still_speed) >= settings.min_still_share:
+        if np.mean(path.speed[in_hand] < settings.still_speed) >= settings.min_still_share:
             break
         path = _smoothed(motion, smooth_s, settings)
-    return path
+    # A hand that sways never comes below the speed of its sway.
+    sway = settings.times_sway * float(quantile(path.speed[in_hand], 0.25))
+    return replace(path, still_speed=min(max(settings.still_speed, sway), settings.max_still_speed))
 
 
 def _smoothed(motion: Motion, smooth_s: float, settings: PhaseSettings) -> Path:
@@ -80,6 +85,7 @@ def _smoothed(motion: Motion, smooth_s: float, settings: PhaseSettings) -> Path:
         elevation_rad=moving_mean(motion.elevation_rad, width),
         place_m=place,
         height_m=place[:, 2],
+        still_speed=settings.still_speed,
     )
 
 
@@ -105,7 +111,7 @@ def find_holds(
     A short disturbance after which the device is where it was (a press, a cough) does not end one.
     """
     rate = motion.rate_hz
-    is_still = close_gaps((path.speed < settings.still_speed) & ~motion.is_gap, round(0.05 * rate))
+    is_still = close_gaps((path.speed < path.still_speed) & ~motion.is_gap, round(0.05 * rate))
     for shake in shakes:  # a swing is slow where it turns
         is_still[motion.index(shake.start_s) : motion.index(shake.end_s)] = False
     # Each hold as its still parts: several when something short disturbs it.

@@ -58,7 +58,7 @@ def cut_windows(motion: Motion, path: Path, shakes: Sequence[Shake], settings: P
     standard = (features - features.mean(axis=0)) / np.where(sd > 1e-9, sd, 1.0)
     first = _farthest(standard, min(settings.n_clusters, standard.shape[0]))
     cluster = _clusters(standard, standard[first])
-    is_slow = window_mean(path.speed, edges) < settings.still_speed
+    is_slow = window_mean(path.speed, edges) < path.still_speed
     is_shaken = window_mean(_shaken(motion, shakes), edges)
     stillness, shaking = np.empty(cluster.size), np.empty(cluster.size)
     for k in range(first.size):
