@@ -235,7 +235,7 @@ class PhaseSettings:
     window_s: float = 0.2
     n_clusters: int = 8
     # Holding still.
-    smooth_s: tuple[float, ...] = (0.1, 0.3, 0.6)  # as little as shows the hand still: it walks, or sits in a car
+    smooth_s: tuple[float, ...] = (0.1, 0.3)  # as little as shows the hand still: it walks, or sits in a car
     min_still_share: float = 0.25  # of the time in the hand
     still_speed: float = 0.7  # clear movements a second: 7 deg/s, 3.5 cm/s
     times_sway: float = 2.0  # the speed of a hand in the stillest quarter of its time
@@ -257,6 +257,7 @@ class PhaseSettings:
     max_put_down_s: float = 3.0
     # At the mouth.
     min_tilt_back_rad: float = math.radians(6.0)
+    max_tilt_back_rad: float = math.radians(50.0)  # no head goes farther
     usual_tilt_back_rad: float = math.radians(12.0)
     max_tilt_back_s: float = 2.0
     at_mouth_m: float = 0.12  # the tilt-back itself carries the device so far at most

@@ -16,13 +16,14 @@ from inhalemon.values import BoolArray, Event, FloatArray, Motion, Shake
 class Path:
     """Where the device is and how it is turned, by integration: good for comparing times a few seconds apart."""
 
-    pose: FloatArray  # (n, 6) turn about the body's axes and place in the room, in units of a clear movement
+    pose: FloatArray  # (n, 3 or 6) turn about the body's axes and place in the room, in units of a clear movement
     speed: FloatArray  # (n,) of the pose, over a fifth of a second: a tremor of 5 Hz does not show
     turn_rad: FloatArray  # (n,) about the body's x: the tilt-back of the device in the hand
     elevation_rad: FloatArray  # (n,) of the body's y against level: the tilt-back of the head, whatever the roll
     place_m: FloatArray  # (n, 3) in the room
     height_m: FloatArray  # (n,)
     still_speed: float  # below it this hand holds still
+    has_place: bool  # else only the turn is known, and a place means a turn as clear
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,27 +55,34 @@ class Stay:
 def path_of(motion: Motion, on_table: BoolArray, settings: PhaseSettings) -> Path:
     """The path, smoothed as little as lets the hand be still for a fair share of the time.
 
-    A step or a road shakes a hand at 1-2 Hz that holds still all the same.
+    A step or a road shakes a hand at 1-2 Hz that holds still all the same, and carries it along: where smoothing does
+    not help, the path is that of the turn alone, of which neither has much.
     """
     in_hand = ~on_table
-    path = _smoothed(motion, settings.smooth_s[0], settings)
+    tried = [*((smooth_s, True) for smooth_s in settings.smooth_s), (settings.smooth_s[-1], False)]
+    for smooth_s, has_place in tried:
+        path = _smoothed(motion, smooth_s, settings, has_place=has_place)
+        if not in_hand.any() or np.mean(path.speed[in_hand] < settings.still_speed) >= settings.min_still_share:
+            break
     if not in_hand.any():
         return path
-    for smooth_s in settings.smooth_s[1:]:
-        if np.mean(path.speed[in_hand] < settings.still_speed) >= settings.min_still_share:
-            break
-        path = _smoothed(motion, smooth_s, settings)
     # A hand that sways never comes below the speed of its sway.
     sway = settings.times_sway * float(quantile(path.speed[in_hand], 0.25))
     return replace(path, still_speed=min(max(settings.still_speed, sway), settings.max_still_speed))
 
 
-def _smoothed(motion: Motion, smooth_s: float, settings: PhaseSettings) -> Path:
+def _smoothed(motion: Motion, smooth_s: float, settings: PhaseSettings, *, has_place: bool) -> Path:
     step = motion.step_s
     width = max(round(smooth_s * motion.rate_hz), 1)
     turned = moving_mean(np.cumsum(motion.gyr_rad_s, axis=0) * step, width)
-    place = moving_mean(np.cumsum(motion.velocity_ref_m_s, axis=0) * step, width)
-    pose = np.concatenate([turned / settings.clear_turn_rad, place / settings.clear_move_m], axis=1)
+    if has_place:
+        place = moving_mean(np.cumsum(motion.velocity_ref_m_s, axis=0) * step, width)
+        pose = np.concatenate([turned / settings.clear_turn_rad, place / settings.clear_move_m], axis=1)
+        height = place[:, 2]
+    else:
+        pose = turned / settings.clear_turn_rad
+        place = pose * settings.clear_move_m
+        height = np.zeros(motion.time_s.size)
     half = round(0.1 * motion.rate_hz)
     ends = np.concatenate([np.repeat(pose[:1], half, axis=0), pose, np.repeat(pose[-1:], half, axis=0)])
     apart = ends[2 * half :] - ends[: -2 * half]
@@ -84,8 +92,9 @@ def _smoothed(motion: Motion, smooth_s: float, settings: PhaseSettings) -> Path:
         turn_rad=turned[:, 0],
         elevation_rad=moving_mean(motion.elevation_rad, width),
         place_m=place,
-        height_m=place[:, 2],
+        height_m=height,
         still_speed=settings.still_speed,
+        has_place=has_place,
     )
 
 
@@ -207,21 +216,26 @@ def find_stays(
         barrier = _prepared(motion, holds, k, strokes)
         since = max(holds[k - 1].end - round(0.1 * rate) if k else 0, barrier)
         since = max(since, hold.start - round(settings.max_tilt_back_s * rate))
-        before = _arrived(path, min(since, hold.start), hold, settings.at_mouth_m)
+        before = min(since, hold.start)
+        if path.has_place:
+            before = _arrived(path, before, hold, settings.at_mouth_m)
         rises = [_rise(signal, before, hold) for signal in (path.elevation_rad, path.turn_rad)]
         gain_rad, low, signal = max(rises, key=lambda rise: rise[0])
-        is_tilted = gain_rad >= settings.min_tilt_back_rad
+        is_tilted = settings.min_tilt_back_rad <= gain_rad <= settings.max_tilt_back_rad
         carried_in = _farthest(path, slice(barrier, low + 1), hold)
         carried_out = _farthest(path, slice(hold.end, hold.end + round(settings.leaving_s * rate)), hold)
         earlier_m = float(quantile(path.height_m[barrier : low + 1], 0.5))
         lift_m = hold.height_m - earlier_m
         is_lowered = lift_m < -settings.lowered_m
-        there = -1.0 if is_lowered else min(carried_in / settings.mouth_way_m, 1.0) * 2.0 - 1.0
-        back = min(carried_out / settings.mouth_way_m, 1.0) * 2.0 - 1.0
+        gain = min(max(gain_rad, 0.0) / settings.usual_tilt_back_rad, 1.0)
+        if path.has_place:
+            there = -1.0 if is_lowered else min(carried_in / settings.mouth_way_m, 1.0) * 2.0 - 1.0
+            back = min(carried_out / settings.mouth_way_m, 1.0) * 2.0 - 1.0
+        else:
+            there, back = _tilt_alone(path, signal, gain_rad, low, hold, round(settings.leaving_s * rate), settings)
         begin_s, end_s = motion.time_s[low], motion.time_s[hold.end - 1]
         is_pressed = any(begin_s - 1.0 < press.start_s < end_s for press in presses)
         if is_tilted:
-            gain = min(gain_rad / settings.usual_tilt_back_rad, 1.0)
             likeness = max(gain + there + back + is_pressed, 0.0) / 4.0
         elif (
             min(there, back) > 0.5
@@ -304,6 +318,17 @@ def carried_since(path: Path, begin: int, end: int) -> int:
     return begin + (int(slow[-1]) if slow.size else 0)
 
 
+def _tilt_alone(
+    path: Path, signal: FloatArray, gain_rad: float, low: int, hold: Hold, leaving: int, settings: PhaseSettings
+) -> tuple[float, float]:
+    """Whether the turn into a hold is a tilt back and little else, and is undone after it; -1 to 1 each."""
+    turned_rad = settings.clear_turn_rad * float(np.linalg.norm(path.pose[hold.start] - path.pose[low]))
+    there = 2.0 * min(max(gain_rad, 0.0) / max(turned_rad, 1e-6), 1.0) - 1.0
+    held_rad = float(quantile(signal[hold.start : hold.end], 0.5))
+    fall_rad = held_rad - float(signal[hold.end - 1 : hold.end + leaving].min())
+    return there, 2.0 * min(max(fall_rad, 0.0) / max(gain_rad, 1e-6), 1.0) - 1.0
+
+
 def _pause_before(
     motion: Motion,
     path: Path,
@@ -317,7 +342,7 @@ def _pause_before(
 
     Without one, where the way to the mouth begins, twice.
     """
-    for j in range(k - 1, -1, -1):
+    for j in range(k - 1, -1, -1) if path.has_place else ():
         other = holds[j]
         if other.on_table or other.end <= barrier:
             break
