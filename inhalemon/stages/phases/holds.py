@@ -237,11 +237,7 @@ def find_stays(
         is_pressed = any(begin_s - 1.0 < press.start_s < end_s for press in presses)
         if is_tilted:
             likeness = max(gain + there + back + is_pressed, 0.0) / 4.0
-        elif (
-            min(there, back) > 0.5
-            and lasts_s >= settings.min_untilted_stay_s
-            and lift_m > settings.min_lift_m
-        ):
+        elif min(there, back) > 0.5 and lasts_s >= settings.min_untilted_stay_s and lift_m > settings.min_lift_m:
             likeness = 0.4 * (there + back)
         else:
             continue
@@ -342,16 +338,18 @@ def _pause_before(
 
     Without one, where the way to the mouth begins, twice.
     """
-    for j in range(k - 1, -1, -1) if path.has_place else ():
+    for j in range(k - 1, -1, -1):
         other = holds[j]
         if other.on_table or other.end <= barrier:
             break
-        if _distance(path, other, holds[k]) <= away_m:
+        # By the turn alone, the hold next to the tilt-back is taken for the dwell.
+        if _distance(path, other, holds[k]) <= away_m if path.has_place else j == k - 1:
             continue
         if quantile(motion.tilt_rad[other.start : other.end], 0.5) > np.pi / 2:
             break  # upside down is no pause
-        # A fidget does not end a pause; a regrip does.
-        while j and not holds[j - 1].on_table and _pose_distance(path, holds[j - 1], holds[j]) < settings.regrip:
+        # A fidget, wider in a hand that sways, does not end a pause; a regrip does.
+        fidget = settings.regrip * path.still_speed / settings.still_speed
+        while j and not holds[j - 1].on_table and _pose_distance(path, holds[j - 1], holds[j]) < fidget:
             j -= 1  # noqa: PLW2901
         first = max(holds[j].start, barrier)
         speed = path.speed[first : other.end]
@@ -376,7 +374,10 @@ def _afterwards(
     later = [motion.index(start_s) for start_s, _ in strokes if motion.index(start_s) >= holds[k].end]
     limit = min(later, default=motion.time_s.size)
     after = [hold for hold in holds[k + 1 :] if hold.start < limit and not hold.on_table]
-    away = next((j for j, hold in enumerate(after) if _distance(path, hold, holds[k]) > settings.away_m), None)
+    if path.has_place:
+        away = next((j for j, hold in enumerate(after) if _distance(path, hold, holds[k]) > settings.away_m), None)
+    else:  # a head that comes back turns the device as much as a breath let out: the longest hold is the breath's
+        away = max(range(len(after)), key=lambda j: after[j].end - after[j].start, default=None)
     if away is None:
         end = min((after[-1] if after else holds[k]).end, limit)
         return end, end
