@@ -10,8 +10,10 @@ import numpy as np
 
 from inhalemon.devices import Device
 from inhalemon.settings import PhaseSettings
-from inhalemon.stages.phases.holds import Hold, Path, Stay, carried_since, find_holds, find_stays, path_of, table_mask
+from inhalemon.stages.phases.holds import Hold, find_holds
 from inhalemon.stages.phases.order import LABELS, cheapest_path, transition_costs
+from inhalemon.stages.phases.path import Path, carried_since, path_of, table_mask
+from inhalemon.stages.phases.stays import Stay, find_stays
 from inhalemon.stages.phases.windows import Windows, cut_windows, window_mean
 from inhalemon.values import DeviceKind, Event, EventKind, FloatArray, IntArray, Motion, Phase, PhaseKind, Shake
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from inhalemon.settings import PhaseSettings
-from inhalemon.stages.phases.holds import Path
+from inhalemon.stages.phases.path import Path
 from inhalemon.values import BoolArray, FloatArray, IntArray, Motion, Shake
 
 if TYPE_CHECKING:

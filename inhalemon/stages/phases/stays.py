@@ -1,0 +1,228 @@
+"""Which holds are stays at the mouth, with the pause before and the held breath after."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from inhalemon.settings import PhaseSettings
+from inhalemon.signals import lengths, onset, quantile
+from inhalemon.stages.phases.holds import Hold
+from inhalemon.stages.phases.path import Path
+from inhalemon.values import Event, FloatArray, Motion
+
+
+@dataclass(frozen=True, slots=True)
+class Stay:
+    """A candidate for a stay at the mouth: the way there, the stay, and what follows. Sample numbers, half open."""
+
+    pause: tuple[int, int]  # held still in the hand before; empty when there is none
+    onset: int  # the tilt-back begins; without one, the device arrives
+    end: int  # the tilt is released or the device leaves
+    hold_end: int  # after the device is taken away and held still, it moves on
+    after_end: int  # a small movement (breathing out) and the stillness after it
+    is_tilted: bool
+    is_pressed: bool
+    likeness: float  # 0 to 1
+    height_m: float
+    lift_m: float  # above where the device was in the hand before
+
+
+def find_stays(
+    motion: Motion,
+    path: Path,
+    holds: Sequence[Hold],
+    strokes: Sequence[tuple[float, float]],
+    presses: Sequence[Event],
+    settings: PhaseSettings,
+) -> list[Stay]:
+    """The holds in the hand that could be stays at the mouth.
+
+    The traits: how far the device is tilted back into it, how far it was carried in the hand to come there and is
+    carried away afterwards, and a press nearby. `strokes` are the bouts of shaking and the strokes of the cover, which
+    bound the steps before and after.
+    """
+    rate = motion.rate_hz
+    found = []
+    for k, hold in enumerate(holds):
+        lasts_s = (hold.end - hold.start) / rate
+        if hold.on_table or lasts_s < settings.min_stay_s:
+            continue
+        barrier = _prepared(motion, holds, k, strokes)
+        since = max(holds[k - 1].end - round(0.1 * rate) if k else 0, barrier)
+        since = max(since, hold.start - round(settings.max_tilt_back_s * rate))
+        before = min(since, hold.start)
+        if path.has_place:
+            before = _arrived(path, before, hold, settings.at_mouth_m)
+        rises = [_rise(signal, before, hold) for signal in (path.elevation_rad, path.turn_rad)]
+        gain_rad, low, signal = max(rises, key=lambda rise: rise[0])
+        is_tilted = settings.min_tilt_back_rad <= gain_rad <= settings.max_tilt_back_rad
+        carried_in = _farthest(path, slice(barrier, low + 1), hold)
+        carried_out = _farthest(path, slice(hold.end, hold.end + round(settings.leaving_s * rate)), hold)
+        earlier_m = float(quantile(path.height_m[barrier : low + 1], 0.5))
+        lift_m = hold.height_m - earlier_m
+        is_lowered = lift_m < -settings.lowered_m
+        gain = min(max(gain_rad, 0.0) / settings.usual_tilt_back_rad, 1.0)
+        if path.has_place:
+            there = -1.0 if is_lowered else min(carried_in / settings.mouth_way_m, 1.0) * 2.0 - 1.0
+            back = min(carried_out / settings.mouth_way_m, 1.0) * 2.0 - 1.0
+        else:
+            there, back = _tilt_alone(path, signal, gain_rad, low, hold, round(settings.leaving_s * rate), settings)
+        begin_s, end_s = motion.time_s[low], motion.time_s[hold.end - 1]
+        is_pressed = any(begin_s - 1.0 < press.start_s < end_s for press in presses)
+        if is_tilted:
+            likeness = max(gain + there + back + is_pressed, 0.0) / 4.0
+        elif min(there, back) > 0.5 and lasts_s >= settings.min_untilted_stay_s and lift_m > settings.min_lift_m:
+            likeness = 0.4 * (there + back)
+        else:
+            continue
+        last = _while_tilted(path, holds, k, signal, gain_rad, settings) if is_tilted else k
+        hold_end, after_end = _afterwards(motion, path, holds, last, strokes, settings)
+        found.append(
+            Stay(
+                pause=_pause_before(motion, path, holds, k, barrier, min(settings.away_m, 0.5 * carried_in), settings),
+                onset=onset(signal, low, hold.start) if is_tilted else hold.start,
+                end=holds[last].end,
+                hold_end=hold_end,
+                after_end=after_end,
+                is_tilted=is_tilted,
+                is_pressed=is_pressed,
+                likeness=likeness,
+                height_m=hold.height_m,
+                lift_m=lift_m,
+            )
+        )
+    return found
+
+
+def _while_tilted(
+    path: Path, holds: Sequence[Hold], k: int, signal: FloatArray, gain_rad: float, settings: PhaseSettings
+) -> int:
+    """The last hold from `k` on with the tilt kept at the same place: an unsteady hand holds in parts."""
+    kept_rad = float(quantile(signal[holds[k].start : holds[k].end], 0.5)) - 0.5 * gain_rad
+    last = k
+    while last + 1 < len(holds) and not holds[last + 1].on_table:
+        on = holds[last + 1]
+        if signal[holds[last].end : on.end].min() < kept_rad or _distance(path, on, holds[k]) > 0.5 * settings.away_m:
+            break
+        last += 1
+    return last
+
+
+def _prepared(motion: Motion, holds: Sequence[Hold], k: int, strokes: Sequence[tuple[float, float]]) -> int:
+    """The sample since when the device is in the hand with no stroke of any kind, before the hold `k`."""
+    begin = holds[k].start
+    taken_up = max((other.end + round(1.0 * motion.rate_hz) for other in holds[:k] if other.on_table), default=0)
+    stroked = max((motion.index(end_s) for start_s, end_s in strokes if motion.index(start_s) < begin), default=0)
+    return min(max(taken_up, stroked), begin)
+
+
+def _farthest(path: Path, stretch: slice, hold: Hold) -> float:
+    """How far from the hold's place the device was within a stretch, m; the odd sample does not count."""
+    away = path.place_m[stretch] - quantile(path.place_m[hold.start : hold.end], 0.5)
+    return float(quantile(lengths(away), 0.8)) if away.size else 0.0
+
+
+def _arrived(path: Path, since: int, hold: Hold, near_m: float) -> int:
+    """The sample since when the device is near the hold's place; a turn on the way there is no tilt-back."""
+    away = path.place_m[since : hold.start] - quantile(path.place_m[hold.start : hold.end], 0.5)
+    far = np.flatnonzero(lengths(away) > near_m)
+    return since + (int(far[-1]) + 1 if far.size else 0)
+
+
+def _rise(signal: FloatArray, before: int, hold: Hold) -> tuple[float, int, FloatArray]:
+    """How far the signal rises into the hold, from which sample on, and the signal."""
+    low = before + int(np.argmin(signal[before : hold.start + 1]))
+    return float(quantile(signal[hold.start : hold.end], 0.5)) - float(signal[low]), low, signal
+
+
+def _tilt_alone(
+    path: Path, signal: FloatArray, gain_rad: float, low: int, hold: Hold, leaving: int, settings: PhaseSettings
+) -> tuple[float, float]:
+    """Whether the turn into a hold is a tilt back and little else, and is undone after it; -1 to 1 each."""
+    turned_rad = settings.clear_turn_rad * float(np.linalg.norm(path.pose[hold.start] - path.pose[low]))
+    there = 2.0 * min(max(gain_rad, 0.0) / max(turned_rad, 1e-6), 1.0) - 1.0
+    held_rad = float(quantile(signal[hold.start : hold.end], 0.5))
+    fall_rad = held_rad - float(signal[hold.end - 1 : hold.end + leaving].min())
+    return there, 2.0 * min(max(fall_rad, 0.0) / max(gain_rad, 1e-6), 1.0) - 1.0
+
+
+def _pause_before(
+    motion: Motion,
+    path: Path,
+    holds: Sequence[Hold],
+    k: int,
+    barrier: int,
+    away_m: float,
+    settings: PhaseSettings,
+) -> tuple[int, int]:
+    """The last hold in the hand before the device is carried to the hold `k`; a dwell at the mouth itself is none.
+
+    Without one, where the way to the mouth begins, twice.
+    """
+    for j in range(k - 1, -1, -1):
+        other = holds[j]
+        if other.on_table or other.end <= barrier:
+            break
+        # By the turn alone, the hold next to the tilt-back is taken for the dwell.
+        if _distance(path, other, holds[k]) <= away_m if path.has_place else j == k - 1:
+            continue
+        if quantile(motion.tilt_rad[other.start : other.end], 0.5) > np.pi / 2:
+            break  # upside down is no pause
+        # A fidget, wider in a hand that sways, does not end a pause; a regrip does.
+        fidget = settings.regrip * path.still_speed / settings.still_speed
+        while j and not holds[j - 1].on_table and _pose_distance(path, holds[j - 1], holds[j]) < fidget:
+            j -= 1  # noqa: PLW2901
+        first = max(holds[j].start, barrier)
+        speed = path.speed[first : other.end]
+        # The hand comes to rest bit by bit: the pause begins where it is as still as it gets.
+        moving = np.flatnonzero(speed > max(settings.pause_speed, 2.0 * float(quantile(speed, 0.5))))
+        early = moving[moving < min((other.end - first) // 2, round(settings.settling_s * motion.rate_hz))]
+        return first + (int(early[-1]) + 1 if early.size else 0), other.end
+    begin = max((other.end for other in holds[:k] if not other.on_table), default=barrier)
+    begin = max(min(begin, holds[k].start), barrier)
+    return begin, begin
+
+
+def _afterwards(
+    motion: Motion,
+    path: Path,
+    holds: Sequence[Hold],
+    k: int,
+    strokes: Sequence[tuple[float, float]],
+    settings: PhaseSettings,
+) -> tuple[int, int]:
+    """Until when the device is taken away and held, and until when a small movement and stillness follow."""
+    later = [motion.index(start_s) for start_s, _ in strokes if motion.index(start_s) >= holds[k].end]
+    limit = min(later, default=motion.time_s.size)
+    after = [hold for hold in holds[k + 1 :] if hold.start < limit and not hold.on_table]
+    if path.has_place:
+        away = next((j for j, hold in enumerate(after) if _distance(path, hold, holds[k]) > settings.away_m), None)
+    else:  # a head that comes back turns the device as much as a breath let out: the longest hold is the breath's
+        away = max(range(len(after)), key=lambda j: after[j].end - after[j].start, default=None)
+    if away is None:
+        end = min((after[-1] if after else holds[k]).end, limit)
+        return end, end
+    while away + 1 < len(after) and _pose_distance(path, after[away], after[away + 1]) < settings.fidget:
+        away += 1
+    hold_end = after_end = min(after[away].end, limit)
+    if away + 1 < len(after) and hold_end < limit:
+        # With the breath the shoulders fall, and the hand with them.
+        fallen = after[away + 1]
+        has_fallen = fallen.height_m < after[away].height_m - settings.fall_m
+        is_small = has_fallen and _distance(path, after[away], fallen) < settings.max_fall_m
+        if is_small and fallen.start - hold_end < settings.max_breath_s * motion.rate_hz:
+            after_end = min(fallen.end, limit)
+    return hold_end, after_end
+
+
+def _pose_distance(path: Path, one: Hold, other: Hold) -> float:
+    """How far apart two holds following each other are, in clear movements."""
+    return float(np.linalg.norm(path.pose[other.start] - path.pose[one.end - 1]))
+
+
+def _distance(path: Path, one: Hold, other: Hold) -> float:
+    here, there = (quantile(path.place_m[hold.start : hold.end], 0.5) for hold in (one, other))
+    return float(np.linalg.norm(here - there))
