@@ -40,12 +40,14 @@ def moving_mean(values: FloatArray, width: int) -> FloatArray:
     before, after = min(width // 2, n), min(width - width // 2, n)
     sums = np.zeros((*columns.shape[:-1], n + 1))
     np.cumsum(columns, axis=-1, out=sums[..., 1:])
-    number = np.arange(n)
     means = np.empty(columns.shape)
     means[..., : n - after] = sums[..., after:n]
     means[..., n - after :] = sums[..., n:]
     means[..., before:] -= sums[..., : n - before]
-    means /= np.minimum(number + after, n) - np.maximum(number - before, 0)
+    lengths = np.full(n, float(before + after))
+    lengths[:before] -= np.arange(before, 0, -1)  # the part of the window before the start ...
+    lengths[n - after + 1 :] -= np.arange(1, after)  # ... and beyond the end
+    means /= lengths
     return means.T
 
 
