@@ -12,3 +12,18 @@ cpdef void interpolate(
     n=cython.Py_ssize_t, n_labels=cython.Py_ssize_t, i=cython.Py_ssize_t, label=cython.Py_ssize_t,
     before=cython.Py_ssize_t, after=cython.Py_ssize_t, best=cython.Py_ssize_t, least=double, cost=double)
 cpdef void cheapest_path(double[:, ::1] totals, const double[:, ::1] transitions, Py_ssize_t[::1] path)
+
+@cython.locals(i=cython.Py_ssize_t, row=cython.Py_ssize_t, k=cython.Py_ssize_t, apart=double)
+cpdef Py_ssize_t first_far(
+    const double[:, ::1] points, Py_ssize_t n_columns, Py_ssize_t here, Py_ssize_t first, Py_ssize_t stop,
+    Py_ssize_t step, double square)
+
+@cython.locals(i=cython.Py_ssize_t, row=cython.Py_ssize_t, k=cython.Py_ssize_t, apart=double)
+cpdef Py_ssize_t first_near(
+    const double[:, ::1] points, Py_ssize_t n_columns, Py_ssize_t here, Py_ssize_t first, Py_ssize_t stop,
+    Py_ssize_t step, double square)
+
+@cython.locals(
+    n_turns=cython.Py_ssize_t, low=cython.Py_ssize_t, high=cython.Py_ssize_t, direction=cython.Py_ssize_t,
+    i=cython.Py_ssize_t, last=cython.Py_ssize_t)
+cpdef Py_ssize_t turning_points(const double[::1] values, double least, Py_ssize_t[::1] turns)

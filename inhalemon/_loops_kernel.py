@@ -68,3 +68,72 @@ def cheapest_path(totals: memoryview[float], transitions: memoryview[float], pat
             if totals[i, before] + transitions[before, after] < totals[i, best] + transitions[best, after]:
                 best = before
         path[i] = best
+
+
+def first_far(
+    points: memoryview[float], n_columns: int, here: int, first: int, stop: int, step: int, square: float
+) -> int:
+    """The first row of `points` (n, columns), from `first` by `step`, at least so far (squared) from row `here`.
+
+    `stop`, which is not looked at, when there is none.
+    """
+    for i in range(abs(stop - first)):
+        row = first + i * step
+        apart = 0.0
+        for k in range(n_columns):
+            apart += (points[row, k] - points[here, k]) * (points[row, k] - points[here, k])
+        if apart >= square:
+            return row
+    return stop
+
+
+def first_near(
+    points: memoryview[float], n_columns: int, here: int, first: int, stop: int, step: int, square: float
+) -> int:
+    """The same, at most so far."""
+    for i in range(abs(stop - first)):
+        row = first + i * step
+        apart = 0.0
+        for k in range(n_columns):
+            apart += (points[row, k] - points[here, k]) * (points[row, k] - points[here, k])
+        if apart <= square:
+            return row
+    return stop
+
+
+def turning_points(values: memoryview[float], least: float, turns: memoryview[int]) -> int:
+    """Writes the samples at which `values` (n,) turns for good, and returns how many; `turns` has room for n.
+
+    Lows and highs take turns, each at least `least` from the one before; the first sample and the last turn are there.
+    """
+    turns[0] = 0
+    n_turns = 1
+    low = 0
+    high = 0
+    direction = 0
+    for i in range(len(values)):
+        if direction >= 0 and values[i] > values[high]:
+            high = i
+        if direction <= 0 and values[i] < values[low]:
+            low = i
+        if direction >= 0 and values[high] - values[i] >= least:
+            if high > turns[n_turns - 1]:
+                turns[n_turns] = high
+                n_turns += 1
+            direction = -1
+            low = i
+        elif direction <= 0 and values[i] - values[low] >= least:
+            if low > turns[n_turns - 1]:
+                turns[n_turns] = low
+                n_turns += 1
+            direction = 1
+            high = i
+    last = 0
+    if direction > 0:
+        last = high
+    if direction < 0:
+        last = low
+    if last > turns[n_turns - 1]:
+        turns[n_turns] = last
+        n_turns += 1
+    return n_turns

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from inhalemon import _loops_kernel as kernel
 from inhalemon.devices import Device
 from inhalemon.settings import EventSettings
-from inhalemon.signals import close_gaps, moving_mean, onset, runs
+from inhalemon.signals import close_gaps, memory, moving_mean, onset, runs
 from inhalemon.values import DeviceKind, Event, EventKind, FloatArray, Motion, Shake
 
 
@@ -79,33 +80,9 @@ def _strokes(motion: Motion, angle: FloatArray, least_rad: float, settings: Even
 
 def _turning_points(angle: FloatArray, least_rad: float) -> list[int]:
     """Alternating lows and highs, each at least `least_rad` from the one before; the ends included."""
-    # Only where the angle turns at all can it turn for good.
-    change = np.diff(angle)
-    moving = np.flatnonzero(change)
-    is_turn = np.diff(np.signbit(change[moving])) != 0
-    at = (moving[:-1][is_turn] + 1).tolist() + (moving[-1:] + 1).tolist()
-    values = [float(angle[0]), *angle[at].tolist()]
-    places = [0, *at]
-    turns = [0]
-    low = high = 0  # as numbers of `places`
-    direction = 0
-    for k, value in enumerate(values):
-        if direction >= 0 and value > values[high]:
-            high = k
-        if direction <= 0 and value < values[low]:
-            low = k
-        if direction >= 0 and values[high] - value >= least_rad:
-            if direction > 0 or high > turns[-1]:
-                turns.append(high)
-            direction, low = -1, k
-        elif direction <= 0 and value - values[low] >= least_rad:
-            if direction < 0 or low > turns[-1]:
-                turns.append(low)
-            direction, high = 1, k
-    last = high if direction > 0 else low if direction < 0 else 0
-    if last > turns[-1]:
-        turns.append(last)
-    return [places[turn] for turn in turns]
+    turns = np.empty(angle.size, dtype=np.intp)
+    n_turns = kernel.turning_points(memory(angle), least_rad, turns.data)
+    return [int(turn) for turn in turns[:n_turns]]
 
 
 def _without_gaps(motion: Motion, settings: EventSettings) -> FloatArray:
