@@ -80,6 +80,44 @@ def test_the_path_is_the_cheapest_of_all(kernel):
         assert tuple(path.tolist()) == min(itertools.product(range(3), repeat=n), key=price)
 
 
+@FORMS
+def test_the_first_far_and_the_first_near_sample_are_found_either_way(kernel):
+    points = np.array([[0.0, 0.0], [0.5, 0.0], [3.0, 4.0], [0.0, 1.0], [6.0, 8.0]])
+    given = (points.data, 2)
+    assert kernel.first_far(*given, 0, 0, 5, 1, 25.0) == 2
+    assert kernel.first_far(*given, 0, 3, 5, 1, 25.0) == 4
+    assert kernel.first_far(*given, 0, 3, -1, -1, 25.0) == 2
+    assert kernel.first_far(*given, 0, 0, 2, 1, 25.0) == 2  # none: the stop
+    assert kernel.first_near(*given, 0, 2, 5, 1, 1.0) == 3
+    assert kernel.first_near(*given, 4, 3, -1, -1, 25.0) == 2
+    assert kernel.first_near(*given, 4, 1, -1, -1, 1.0) == -1
+
+
+def turns_of(kernel, values, least):
+    turns = np.empty(values.size, dtype=np.intp)
+    return turns[: kernel.turning_points(values.data, least, turns.data)].tolist()
+
+
+@FORMS
+def test_turns_are_the_highs_and_lows_that_are_far_enough_apart(kernel):
+    assert turns_of(kernel, np.array([0.0, 2.0, 1.9, 3.0, 3.0, 0.0, 0.1, 1.0]), 0.5) == [0, 3, 5, 7]
+    assert turns_of(kernel, np.array([1.0, 1.0, 1.1, 1.0]), 0.5) == [0]
+    assert turns_of(kernel, np.array([0.0, -1.0, -3.0, -3.0]), 0.5) == [0, 2]
+
+
+@FORMS
+def test_turns_take_turns_and_each_is_the_extreme_between_its_neighbours(kernel):
+    values = np.cumsum(np.random.default_rng(5).standard_normal(400))
+    turns = turns_of(kernel, values, 2.0)
+    assert len(turns) > 10
+    rises = np.diff(values[turns])
+    assert (np.abs(rises[1:]) >= 2.0).all()
+    assert (np.sign(rises[1:]) != np.sign(rises[:-1])).all()
+    for before, turn, after in zip(turns, turns[1:], turns[2:], strict=False):
+        around = values[before : after + 1]
+        assert values[turn] in (around.max(), around.min())
+
+
 def test_compiled_loops_equal_their_python_form_to_the_bit():
     rng = np.random.default_rng(4)
     time_s = np.cumsum(rng.uniform(0.005, 0.02, 300))
@@ -96,3 +134,10 @@ def test_compiled_loops_equal_their_python_form_to_the_bit():
         known.append((totals, path))
     np.testing.assert_array_equal(known[0][0], known[1][0])
     np.testing.assert_array_equal(known[0][1], known[1][1])
+    walk = np.cumsum(rng.standard_normal(500))
+    assert turns_of(compiled, walk, 1.5) == turns_of(as_python(), walk, 1.5)
+    points = np.cumsum(rng.standard_normal((200, 6)), axis=0)
+    for name in ("first_far", "first_near"):
+        for first, stop, step in ((10, 200, 1), (180, -1, -1)):
+            one, other = (getattr(k, name)(points.data, 6, 90, first, stop, step, 9.0) for k in (compiled, as_python()))
+            assert one == other

@@ -173,7 +173,7 @@ def _raise(mask: FloatArray, start: int, end: int, weight: float) -> None:
 
 def _costs(masks: dict[PhaseKind, FloatArray], windows: Windows) -> FloatArray:
     """What each label costs in each window (m, labels): nothing where all speaks for it."""
-    shares = {kind: window_mean(mask, windows.edges) for kind, mask in masks.items()}
+    shares = dict(zip(masks, window_mean(np.array(list(masks.values())), windows.edges), strict=True))
     costs = np.empty((windows.cluster.size, len(LABELS)))
     for kind in LABELS:
         costs[:, _COLUMN[kind]] = 3.0 * (1.0 - shares[kind])
@@ -214,15 +214,15 @@ def _refined(labels: IntArray, masks: dict[PhaseKind, FloatArray]) -> IntArray:
 
 def _as_phases(motion: Motion, labels: IntArray, costs: FloatArray, windows: Windows) -> tuple[Phase, ...]:
     edges = [0, *(np.flatnonzero(np.diff(labels)) + 1).tolist(), labels.size]
-    sorted_costs = np.sort(costs, axis=1)
+    lowest, next_lowest = np.partition(costs, 1, axis=1)[:, :2].T
+    other = np.where(costs <= lowest[:, None], next_lowest[:, None], lowest[:, None])
+    surety = 1.0 / (1.0 + np.exp(costs - other))
     phases = []
     for start, end in itertools.pairwise(edges):
         kind = LABELS[labels[start]]
-        first = int(np.searchsorted(windows.edges, start, side="right")) - 1
-        last = max(int(np.searchsorted(windows.edges, end, side="left")), first + 1)
-        own = costs[first:last, _COLUMN[kind]]
-        other = np.where(own <= sorted_costs[first:last, 0], sorted_costs[first:last, 1], sorted_costs[first:last, 0])
-        confidence = float(np.mean(1.0 / (1.0 + np.exp(own - other))))
+        first = int(windows.edges.searchsorted(start, side="right")) - 1
+        last = max(int(windows.edges.searchsorted(end, side="left")), first + 1)
+        confidence = float(surety[first:last, _COLUMN[kind]].mean())
         start_s = float(motion.time_s[start] - 0.5 * motion.step_s) if start else float(motion.time_s[0])
         end_s = float(motion.time_s[end] - 0.5 * motion.step_s) if end < labels.size else float(motion.time_s[-1])
         phases.append(Phase(kind, start_s, end_s, round(confidence, 3)))

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from inhalemon import _loops_kernel as kernel
 from inhalemon.settings import PhaseSettings
-from inhalemon.signals import close_gaps, drop_short, lengths, moving_mean, quantile, runs
+from inhalemon.signals import close_gaps, drop_short, lengths, memory, moving_mean, quantile, runs
 from inhalemon.stages.phases.path import Path, without_noise
 from inhalemon.values import BoolArray, FloatArray, Motion, Shake
 
@@ -19,6 +20,7 @@ class Hold:
 
     start: int
     end: int
+    place_m: tuple[float, ...]  # its middle
     height_m: float
     on_table: bool
 
@@ -52,17 +54,18 @@ def find_holds(
         shortly = round(settings.setting_off_s * rate)
         settled = min(sum(parts[0]) // 2, parts[0][0] + shortly)
         unsettled = max(sum(parts[-1]) // 2, parts[-1][1] - shortly)
-        first = _arrival(path.pose[before : settled + 1]) + before
-        last = _leaving(path.pose[unsettled:after]) + unsettled
+        first = max(_leaving(path.pose, settled, before - 1), before)
+        last = _leaving(path.pose, unsettled, after)
         if last - first < round(settings.min_hold_s * rate):
             continue  # the hand only paused between two movements
         whole = slice(parts[0][0], parts[-1][1])
-        is_on_table = float(np.mean(on_table[whole])) > 0.5
+        is_on_table = int(np.count_nonzero(on_table[whole])) > 0.5 * (whole.stop - whole.start)
         if is_on_table and first:
             first = _laid_down(motion, first, last, settings)
         if holds and first <= holds[-1].end and is_on_table == holds[-1].on_table:
             first = holds.pop().start  # nothing between the two went far enough to be a movement
-        holds.append(Hold(first, last, float(quantile(path.height_m[first:last], 0.5)), is_on_table))
+        place_m = tuple(quantile(path.place_m[first:last], 0.5).tolist())
+        holds.append(Hold(first, last, place_m, float(quantile(path.height_m[first:last], 0.5)), is_on_table))
     return holds
 
 
@@ -78,27 +81,22 @@ def _laid_down(motion: Motion, arrival: int, end: int, settings: PhaseSettings) 
     return low + int(moved[-1]) + 1 if moved.size else low
 
 
-def _leaving(pose: FloatArray) -> int:
-    """The sample at which a hold is left; `pose` begins within the hold and ends before the next.
+def _leaving(pose: FloatArray, begin: int, stop: int) -> int:
+    """The sample at which a hold is left: `begin` is within it and `stop` before the next, or after the one before.
 
+    Backwards, from a `begin` after `stop`, it is where the hold is reached. `stop` when it is not left.
     Sway makes small distances uncertain, so the first moments are found backwards from two larger ones: a hand sets off
     somewhere between uniformly accelerated and with the least jerk, distance growing as time squared or cubed.
     """
-    distance = lengths(pose - pose[0])
-    far = int(np.argmax(distance >= 0.6))
-    if distance[far] < 0.6:
-        return int(distance.size)
-    near = int(np.flatnonzero(distance[: far + 1] <= 0.25)[-1])
+    step = 1 if stop > begin else -1
+    points = (memory(pose), pose.shape[1])
+    far = kernel.first_far(*points, begin, begin, stop, step, 0.6**2)
+    if far == stop:
+        return stop
+    near = kernel.first_near(*points, begin, far, begin - step, -step, 0.25**2)
     # The hold itself may have wandered: measure again from where it was just before.
-    here = pose[max(near - 15, 0)]
-    distance = lengths(pose - here)
-    later = np.flatnonzero(distance[near:] >= 0.6)
-    far = near + int(later[0]) if later.size else far
-    near = int(np.flatnonzero(distance[: far + 1] <= 0.2)[-1])
-    return int(max(round(near - 1.4 * (far - near)), 0))
-
-
-def _arrival(pose: FloatArray) -> int:
-    """The sample at which a hold is reached; `pose` begins after the hold before and ends within this one."""
-    last = int(pose.shape[0]) - 1
-    return last - min(_leaving(pose[::-1]), last)
+    here = begin + step * max(abs(near - begin) - 15, 0)
+    farther = kernel.first_far(*points, here, near, stop, step, 0.6**2)
+    far = far if farther == stop else farther
+    near = kernel.first_near(*points, here, far, begin - step, -step, 0.2**2)
+    return begin + step * max(round(abs(near - begin) - 1.4 * abs(far - near)), 0)

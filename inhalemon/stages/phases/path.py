@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from inhalemon.settings import PhaseSettings
-from inhalemon.signals import drop_short, lengths, moving_mean, quantile
+from inhalemon.signals import drop_short, lengths, moving_mean, quantile, squares
 from inhalemon.values import BoolArray, FloatArray, Motion
 
 
@@ -60,7 +60,7 @@ def _smoothed(motion: Motion, smooth_s: float, settings: PhaseSettings, *, has_p
     ends = np.concatenate([np.repeat(pose[:1], half, axis=0), pose, np.repeat(pose[-1:], half, axis=0)])
     apart = ends[2 * half :] - ends[: -2 * half]
     return Path(
-        pose=pose,
+        pose=np.ascontiguousarray(pose),
         speed=lengths(apart) / (2 * half * step),
         turn_rad=turned[:, 0],
         elevation_rad=moving_mean(motion.elevation_rad, width),
@@ -75,8 +75,9 @@ def table_mask(motion: Motion, settings: PhaseSettings) -> BoolArray:
     """Where the device lies on something that has no tremor: 6-12 Hz, below most of a sensor's noise."""
     width = round(settings.table_window_s * motion.rate_hz)
     force, gyr = without_noise(motion.force_m_s2, motion, settings), without_noise(motion.gyr_rad_s, motion, settings)
-    acc_var = (moving_mean(force * force, width) - moving_mean(force, width) ** 2).sum(axis=1)
-    gyr_var = (moving_mean(gyr * gyr, width) - moving_mean(gyr, width) ** 2).sum(axis=1)
+    acc_var, gyr_var = (
+        moving_mean(squares(values), width) - squares(moving_mean(values, width)) for values in (force, gyr)
+    )
     is_quiet = (acc_var < settings.table_acc_m_s2**2) & (gyr_var < settings.table_gyr_rad_s**2)
     return drop_short(is_quiet, round(settings.min_table_s * motion.rate_hz))
 

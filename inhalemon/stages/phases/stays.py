@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -105,7 +106,10 @@ def _while_tilted(
     last = k
     while last + 1 < len(holds) and not holds[last + 1].on_table:
         on = holds[last + 1]
-        if signal[holds[last].end : on.end].min() < kept_rad or _distance(path, on, holds[k]) > 0.5 * settings.away_m:
+        if (
+            signal[holds[last].end : on.end].min() < kept_rad
+            or math.dist(on.place_m, holds[k].place_m) > 0.5 * settings.away_m
+        ):
             break
         last += 1
     return last
@@ -121,13 +125,13 @@ def _prepared(motion: Motion, holds: Sequence[Hold], k: int, strokes: Sequence[t
 
 def _farthest(path: Path, stretch: slice, hold: Hold) -> float:
     """How far from the hold's place the device was within a stretch, m; the odd sample does not count."""
-    away = path.place_m[stretch] - quantile(path.place_m[hold.start : hold.end], 0.5)
+    away = path.place_m[stretch] - hold.place_m
     return float(quantile(lengths(away), 0.8)) if away.size else 0.0
 
 
 def _arrived(path: Path, since: int, hold: Hold, near_m: float) -> int:
     """The sample since when the device is near the hold's place; a turn on the way there is no tilt-back."""
-    away = path.place_m[since : hold.start] - quantile(path.place_m[hold.start : hold.end], 0.5)
+    away = path.place_m[since : hold.start] - hold.place_m
     far = np.flatnonzero(lengths(away) > near_m)
     return since + (int(far[-1]) + 1 if far.size else 0)
 
@@ -167,7 +171,7 @@ def _pause_before(
         if other.on_table or other.end <= barrier:
             break
         # By the turn alone, the hold next to the tilt-back is taken for the dwell.
-        if _distance(path, other, holds[k]) <= away_m if path.has_place else j == k - 1:
+        if math.dist(other.place_m, holds[k].place_m) <= away_m if path.has_place else j == k - 1:
             continue
         if quantile(motion.tilt_rad[other.start : other.end], 0.5) > np.pi / 2:
             break  # upside down is no pause
@@ -199,7 +203,9 @@ def _afterwards(
     limit = min(later, default=motion.time_s.size)
     after = [hold for hold in holds[k + 1 :] if hold.start < limit and not hold.on_table]
     if path.has_place:
-        away = next((j for j, hold in enumerate(after) if _distance(path, hold, holds[k]) > settings.away_m), None)
+        away = next(
+            (j for j, hold in enumerate(after) if math.dist(hold.place_m, holds[k].place_m) > settings.away_m), None
+        )
     else:  # a head that comes back turns the device as much as a breath let out: the longest hold is the breath's
         away = max(range(len(after)), key=lambda j: after[j].end - after[j].start, default=None)
     if away is None:
@@ -212,7 +218,7 @@ def _afterwards(
         # With the breath the shoulders fall, and the hand with them.
         fallen = after[away + 1]
         has_fallen = fallen.height_m < after[away].height_m - settings.fall_m
-        is_small = has_fallen and _distance(path, after[away], fallen) < settings.max_fall_m
+        is_small = has_fallen and math.dist(after[away].place_m, fallen.place_m) < settings.max_fall_m
         if is_small and fallen.start - hold_end < settings.max_breath_s * motion.rate_hz:
             after_end = min(fallen.end, limit)
     return hold_end, after_end
@@ -220,9 +226,4 @@ def _afterwards(
 
 def _pose_distance(path: Path, one: Hold, other: Hold) -> float:
     """How far apart two holds following each other are, in clear movements."""
-    return float(np.linalg.norm(path.pose[other.start] - path.pose[one.end - 1]))
-
-
-def _distance(path: Path, one: Hold, other: Hold) -> float:
-    here, there = (quantile(path.place_m[hold.start : hold.end], 0.5) for hold in (one, other))
-    return float(np.linalg.norm(here - there))
+    return math.dist(path.pose[other.start], path.pose[one.end - 1])

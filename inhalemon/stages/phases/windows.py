@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from inhalemon.settings import PhaseSettings
+from inhalemon.signals import lengths, squares
 from inhalemon.stages.phases.path import Path
-from inhalemon.values import BoolArray, FloatArray, IntArray, Motion, Shake
+from inhalemon.values import FloatArray, IntArray, Motion, Shake
 
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
@@ -39,9 +40,9 @@ class Windows:
     shaking: FloatArray  # (m,) 0 to 1, of the window's cluster
 
 
-def window_mean(values: FloatArray | BoolArray, edges: IntArray) -> FloatArray:
-    lengths = np.diff(edges)
-    means: FloatArray = np.add.reduceat(values.astype(np.float64), edges[:-1]) / lengths
+def window_mean(values: FloatArray, edges: IntArray) -> FloatArray:
+    """The mean within each window of (..., n) values: (..., m)."""
+    means: FloatArray = np.add.reduceat(values, edges[:-1], axis=-1) / np.diff(edges)
     return means
 
 
@@ -60,12 +61,11 @@ def cut_windows(motion: Motion, path: Path, shakes: Sequence[Shake], settings: P
     cluster = _clusters(standard, standard[first])
     is_slow = window_mean(path.speed, edges) < path.still_speed
     is_shaken = window_mean(_shaken(motion, shakes), edges)
-    stillness, shaking = np.empty(cluster.size), np.empty(cluster.size)
-    for k in range(first.size):
-        members = cluster == k
-        if members.any():
-            stillness[members] = float(np.mean(is_slow[members]))
-            shaking[members] = float(np.mean(is_shaken[members]))
+    n_members = np.bincount(cluster, minlength=first.size)
+    stillness, shaking = (
+        (np.bincount(cluster, weights, minlength=first.size) / np.maximum(n_members, 1))[cluster]
+        for weights in (is_slow, is_shaken)
+    )
     return Windows(edges, standard, cluster, stillness, shaking)
 
 
@@ -90,8 +90,8 @@ def _thread_pools() -> ThreadpoolController:
 
 
 def _features(motion: Motion, path: Path, shakes: Sequence[Shake], edges: IntArray) -> FloatArray:
-    rate_energy = window_mean((motion.gyr_rad_s**2).sum(axis=1), edges)
-    acc_energy = window_mean((motion.acc_ref_m_s2**2).sum(axis=1), edges)
+    rate_energy = window_mean(squares(motion.gyr_rad_s), edges)
+    acc_energy = window_mean(squares(motion.acc_ref_m_s2), edges)
     tilt = window_mean(motion.tilt_rad, edges)
     start, end = np.clip(edges[:-1], 0, tilt.size * 10**9), edges[1:] - 1
     lever = window_mean(motion.lever_rad, edges)
@@ -103,7 +103,7 @@ def _features(motion: Motion, path: Path, shakes: Sequence[Shake], edges: IntArr
             motion.tilt_rad[end] - motion.tilt_rad[start],
             lever,
             window_mean(motion.lever_rate_rad_s, edges),
-            np.linalg.norm(path.pose[(start + end) // 2] - path.pose[0], axis=1),
+            lengths(path.pose[(start + end) // 2] - path.pose[0]),
             window_mean(_shaken(motion, shakes), edges),
         ],
         axis=1,
