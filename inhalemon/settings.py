@@ -36,9 +36,10 @@ class ClockSettings:
     coarse_bin_s: float = 0.02
     faint_rad_s: float = 0.1  # slower motion than this counts little
     chunk_s: float = 120.0  # the liveliest stretch, where drift cannot mislead yet
-    peak_share: float = 0.7  # other lags that agree nearly as well are tried too
-    max_peaks: int = 3
-    clear_share: float = 0.003  # of the motion unexplained: no other lag can be right (right ones leave 0.001)
+    peak_share: float = 0.5  # other lags that agree half as well are tried too
+    max_peaks: int = 8
+    clear_share: float = 0.002  # of the motion unexplained, and ...
+    clear_agreed: float = 0.95  # ... of it within tolerance in a typical second: no other lag can be right
     # The fine fit.
     max_samples: int = 1500
     min_samples: int = 50
@@ -57,7 +58,9 @@ class ClockSettings:
     # What makes a fit believable: how sure, how much of the motion agrees, and how closely.
     sd_floor_s: float = 2e-4
     max_sd_offset_s: float = 0.004
-    min_agreed: float = 0.5
+    tolerance_rad_s: float = 0.05  # rates that differ by less agree ...
+    tolerance_share: float = 0.02  # ... and by less of themselves: crossed axes
+    min_agreed: float = 0.8
     max_share_left: float = 0.01
     max_share_noise: float = 0.25  # with the sensors' own noise, where motion is faint
 

@@ -12,7 +12,7 @@ import pytest
 from inhalemon.settings import ClockSettings
 from inhalemon.simulate import simulate_session
 from inhalemon.stages.clocks import align_clocks
-from inhalemon.values import DeviceKind, FloatArray, ImuTrack, Recording
+from inhalemon.values import DeviceKind, FloatArray, ImuTrack, PhaseKind, Recording
 from validation.second_generator import second_session
 
 HINGE_DATA = Path(__file__).parents[2] / "shared" / "data" / "hinge"
@@ -58,6 +58,30 @@ def test_clocks_with_another_zero_are_found_too(offset_s: float) -> None:
     aligned, fit = align_clocks(_with_clock(recording, offset_s, 0.0), ClockSettings())
     assert fit.is_found
     assert np.abs(aligned.lever.time_s - true_s).max() < 0.002
+
+
+@pytest.mark.parametrize("seed", [67, 99, 100, 101])
+def test_half_a_period_of_the_shake_is_not_taken_for_the_lag(seed: int) -> None:
+    """Nothing but the shake: the speeds look much alike half a period off, 0.12 s in the first two sessions."""
+    profile = "harsh" if seed % 2 else "typical"
+    rate_hz = (100.0, 50.0, 200.0)[seed % 3]
+    recording, truth = simulate_session("pmdi", seed=seed, rate_hz=rate_hz, profile=profile)
+    shake = next(phase for phase in truth.phases if phase.kind is PhaseKind.SHAKE)
+    clock = truth.lever_clock
+    begin_s, end_s = shake.start_s - 0.3, shake.end_s + 0.3
+    body, lever = (
+        _cut(recording.body, begin_s, end_s),
+        _cut(recording.lever, begin_s + clock.offset_s, end_s + clock.offset_s),
+    )
+    true_s = (lever.time_s - clock.offset_s) / (1.0 + clock.drift)
+    aligned, fit = align_clocks(Recording(device=DeviceKind.PMDI, body=body, lever=lever), ClockSettings())
+    assert fit.is_found
+    assert np.abs(aligned.lever.time_s - true_s).max() < 0.002
+
+
+def _cut(track: ImuTrack, begin_s: float, end_s: float) -> ImuTrack:
+    kept = (track.time_s >= begin_s) & (track.time_s <= end_s)
+    return ImuTrack(track.time_s[kept], track.acc_m_s2[kept], track.gyr_rad_s[kept])
 
 
 @pytest.mark.parametrize("device", ["pmdi", "ellipta"])

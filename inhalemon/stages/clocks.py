@@ -43,6 +43,7 @@ class _Fitted:
     unknowns: FloatArray  # (13,)
     fit: ClockFit
     share_left: float  # of the lever's variance, not explained by the body's motion
+    agreed: float  # of the motion in a typical second, how much is within the sensors' tolerance
 
 
 def align_clocks(recording: Recording, settings: ClockSettings) -> tuple[Recording, ClockFit]:
@@ -54,6 +55,9 @@ def align_clocks(recording: Recording, settings: ClockSettings) -> tuple[Recordi
     the body's rates interpolated as vectors); without a rest that tells the biases, they are fitted too. Tukey's
     weights leave out the lever's own strokes and impacts. Standard deviations come from the scatter of one-second
     blocks (the sandwich estimator), since the residuals are not white.
+
+    A shake's speed repeats itself twice a period. The fit is therefore tried at all lags that look alike; of those at
+    which a typical second agrees within the sensors' tolerance, the closest is taken.
 
     Where the lever hardly rests, the part of the rate across the hinge is compared instead, which the hinge's own
     motion does not touch; the two hinge axes are then fitted too, near x (the constraint of Seel, Raisch, Schauer 2014,
@@ -139,10 +143,12 @@ def _fit(body: _Rates, lever: _Rates, settings: ClockSettings, *, lever_moves: b
         start = np.zeros(_N_UNKNOWNS)
         start[_OFFSET] = offset_s
         candidate = refined(start, middle_s - offset_s, half_s)
-        if candidate is not None and (found is None or candidate.share_left < found.share_left):
+        if candidate is None or not candidate.fit.is_found:
+            continue
+        if found is None or candidate.share_left < found.share_left:
             found = candidate
-            if candidate.fit.is_found and candidate.share_left < settings.clear_share:
-                break
+        if found.share_left < settings.clear_share and found.agreed > settings.clear_agreed:
+            break
     while found is not None and (middle_s - half_s > body.time_s[0] or middle_s + half_s < body.time_s[-1]):
         half_s *= 4.0
         found = refined(found.unknowns, found.fit.reference_s, half_s)
@@ -256,7 +262,8 @@ def _refine(
     variance = np.average((there - np.average(there, weights=weight)) ** 2, weights=weight)
     left = np.average(residual**2, weights=weight)
     noise = min(np.hypot(body.noise_rad_s, lever.noise_rad_s), settings.sd_noise_rad_s)
-    agreed = np.sum(slope[weight > 0.0] ** 2) / np.sum(slope[is_inside] ** 2)
+    tolerance = settings.tolerance_rad_s + settings.tolerance_share * here
+    agreed = _typical(block, slope**2 * is_inside, np.abs(residual) < tolerance)
     is_close = left <= min(settings.max_share_left * variance + noise**2, settings.max_share_noise * variance)
     fit = ClockFit(
         offset_s=float(unknowns[_OFFSET]),
@@ -266,7 +273,20 @@ def _refine(
         sd_drift=float(sd_drift),
         is_found=bool(is_close and sd_offset <= settings.max_sd_offset_s and agreed >= settings.min_agreed),
     )
-    return _Fitted(unknowns, fit, float(left / variance))
+    return _Fitted(unknowns, fit, float(left / variance), agreed)
+
+
+def _typical(block: IntArray, motion: FloatArray, is_agreed: BoolArray) -> float:
+    """The share of the motion that agrees in the middle block: half of all motion is in blocks that agree better.
+
+    The lever's own strokes spoil the few blocks they are in. A lag of half a shake's period, at which the speeds look
+    alike, disagrees a little everywhere, and weights that follow the residuals would forgive it.
+    """
+    of_block = np.bincount(block, motion)
+    share = np.bincount(block, motion * is_agreed) / np.maximum(of_block, 1e-30)
+    order = np.argsort(share, kind="stable")
+    sums = np.cumsum(of_block[order])
+    return float(share[order][np.searchsorted(sums, sums[-1] / 2)])
 
 
 def _weights(residual: FloatArray, here: FloatArray, is_inside: BoolArray, settings: ClockSettings) -> FloatArray:
