@@ -38,7 +38,7 @@ class ClockSettings:
     chunk_s: float = 120.0  # the liveliest stretch, where drift cannot mislead yet
     peak_share: float = 0.5  # other lags that agree half as well are tried too
     max_peaks: int = 8
-    clear_share: float = 0.002  # of the motion unexplained, and ...
+    clear_share: float = 0.001  # of the motion unexplained, and ...
     clear_agreed: float = 0.95  # ... of it within tolerance in a typical second: no other lag can be right
     # The fine fit.
     max_samples: int = 1500
@@ -171,7 +171,7 @@ class LeverSettings:
     scatter_memory_s: float = 0.6  # such errors last: measured on real hinges, 0.3-0.6 s
     sd_shut_first_rad: float = math.radians(30.0)  # of a device that is usually shut at first
     sd_heading_rate_rad_s: float = math.radians(0.5)  # what is left of the gyros' bias at the start
-    heading_walk_rad_s: float = math.radians(0.02)  # its random walk, per square root of a second
+    heading_walk_rad_s: float = math.radians(0.014)  # per root of a second: two gyros, each as in its attitude
     min_shown: float = 0.03  # of 1: blocks in which the hinge is more upright than this say nothing
     max_surprise: float = 3.0  # standard deviations
     sd_acc_change_m_s2: float = 0.1  # an accelerometer's error that changes with attitude: scale and crossed axes, 1 %
@@ -179,7 +179,8 @@ class LeverSettings:
     sd_axis_rad: float = math.radians(3.0)  # how well the profile's axis is known before
     axis_memory_s: float = 4.0  # what biased accelerometers make of one pose lasts as long as the pose
     n_axis_fits: int = 3
-    first_fit_blocks: int = 20  # while recording: the first fit, then at every doubling
+    first_fit_blocks: int = 5  # while recording: the first fit, ...
+    fit_again: float = 0.1  # ... and again whenever the recording is longer by this share
     # The shut lever.
     sd_alike_rad: float = math.radians(0.4)  # corrected sensors' tilts, one against the other, while shut
     max_zero_rad: float = math.radians(20.0)  # two parts mounted within 10 deg each

@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 
-from inhalemon.hinge import Blocks, fit_axes, heading_difference
+from inhalemon.hinge import Axes, Blocks, fit_axes, heading_difference
 from inhalemon.rotation import about_z, conjugate, from_rotation_vector, from_two_vectors, multiply, split_twist
 from inhalemon.settings import LeverSettings
 from inhalemon.signals import quantile
@@ -32,7 +32,7 @@ def calibrate(
     while the lever is shut.
 
     A finished recording (`settings.smooth`) is calibrated once from all of it. A recording under way is calibrated
-    again whenever its length has doubled, and every sample is given what was known from the samples up to it.
+    again whenever it is a tenth longer, and every sample is given what was known from the samples up to it.
 
     Raises `ValueError` when the two attitudes are at different times.
     """
@@ -58,8 +58,10 @@ def calibrate(
         )
     result = Calibration(np.empty((n, 3)), np.empty((n, 4)), np.empty(n), np.empty(n), np.empty(n))
     ends = np.append(blocks.first[1:], n)
-    for begin, end in _doubling(len(blocks), settings.first_fit_blocks):
-        axes = fit_axes(blocks[:begin], axis, settings, is_shut_first=has_shut_state)
+    last_axes: Axes | None = None
+    for begin, end in _growing(len(blocks), settings.first_fit_blocks, settings.fit_again):
+        axes = fit_axes(blocks[:begin], axis, settings, is_shut_first=has_shut_state, start=last_axes)
+        last_axes = axes
         heading = heading_difference(blocks[:end], axes, settings, smooth=False, is_shut_first=has_shut_state)
         q_shut, sd_shut_rad = from_two_vectors(axes.body, axes.lever), settings.sd_zero_rad * has_shut_state
         if has_shut_state and begin:
@@ -78,11 +80,11 @@ def calibrate(
     return result
 
 
-def _doubling(n_blocks: int, first: int) -> list[tuple[int, int]]:
-    """[(0, first), (first, 2 first), ...] up to `n_blocks`."""
+def _growing(n_blocks: int, first: int, by: float) -> list[tuple[int, int]]:
+    """[(0, first), (first, first + by * first), ...] up to `n_blocks`, each at least one longer than the last."""
     edges = [0]
     while edges[-1] < n_blocks:
-        edges.append(min(n_blocks, max(first, 2 * edges[-1])))
+        edges.append(min(n_blocks, max(first, edges[-1] + 1, round((1.0 + by) * edges[-1]))))
     return list(itertools.pairwise(edges))
 
 

@@ -143,12 +143,10 @@ def _fit(body: _Rates, lever: _Rates, settings: ClockSettings, *, lever_moves: b
         start = np.zeros(_N_UNKNOWNS)
         start[_OFFSET] = offset_s
         candidate = refined(start, middle_s - offset_s, half_s)
-        if candidate is None or not candidate.fit.is_found:
-            continue
-        if found is None or candidate.share_left < found.share_left:
+        if candidate is not None and (found is None or candidate.share_left < found.share_left):
             found = candidate
-        if found.share_left < settings.clear_share and found.agreed > settings.clear_agreed:
-            break
+            if found.share_left < settings.clear_share and found.agreed > settings.clear_agreed:
+                break
     while found is not None and (middle_s - half_s > body.time_s[0] or middle_s + half_s < body.time_s[-1]):
         half_s *= 4.0
         found = refined(found.unknowns, found.fit.reference_s, half_s)
