@@ -268,14 +268,13 @@ class PhaseSettings:
     min_stay_s: float = 0.3
     mouth_way_m: float = 0.12  # the way to the mouth is longer, for a child too
     lowered_m: float = 0.03
-    min_lift_m: float = 0.06  # of a stay without a tilt
+    min_lift_m: float = 0.12  # of a stay without a tilt
     leaving_s: float = 8.0  # a breath may be held with the device at the mouth
     pause_speed: float = 0.3  # clear movements a second
     settling_s: float = 0.6  # a hand settles within this
-    regrip: float = 0.6  # clear movements: less is a fidget
     min_likeness: float = 0.55
     min_untilted_stay_s: float = 0.7
-    fidget: float = 1.0  # clear movements: less does not end a held breath
+    fidget: float = 0.7  # clear movements: less ends neither a pause nor a held breath
     mouth_height_m: float = 0.15  # two stays at one mouth are not farther apart
     away_m: float = 0.10  # farther from the mouth than this, the device has left it
     max_breath_s: float = 1.5

@@ -23,6 +23,7 @@ class Path:
     height_m: FloatArray  # (n,)
     still_speed: float  # below it this hand holds still
     has_place: bool  # else only the turn is known, and a place means a turn as clear
+    fidget: float  # in clear movements, wider in a hand that sways: what ends neither a pause nor a breath held
 
 
 def path_of(motion: Motion, on_table: BoolArray, settings: PhaseSettings) -> Path:
@@ -41,7 +42,8 @@ def path_of(motion: Motion, on_table: BoolArray, settings: PhaseSettings) -> Pat
         return path
     # A hand that sways never comes below the speed of its sway.
     sway = settings.times_sway * float(quantile(path.speed[in_hand], 0.25))
-    return replace(path, still_speed=min(max(settings.still_speed, sway), settings.max_still_speed))
+    still_speed = min(max(settings.still_speed, sway), settings.max_still_speed)
+    return replace(path, still_speed=still_speed, fidget=settings.fidget * still_speed / settings.still_speed)
 
 
 def _smoothed(motion: Motion, smooth_s: float, settings: PhaseSettings, *, has_place: bool) -> Path:
@@ -68,6 +70,7 @@ def _smoothed(motion: Motion, smooth_s: float, settings: PhaseSettings, *, has_p
         height_m=height,
         still_speed=settings.still_speed,
         has_place=has_place,
+        fidget=settings.fidget,
     )
 
 

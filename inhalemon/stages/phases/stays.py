@@ -106,10 +106,8 @@ def _while_tilted(
     last = k
     while last + 1 < len(holds) and not holds[last + 1].on_table:
         on = holds[last + 1]
-        if (
-            signal[holds[last].end : on.end].min() < kept_rad
-            or math.dist(on.place_m, holds[k].place_m) > 0.5 * settings.away_m
-        ):
+        is_released = signal[holds[last].end : on.end].min() < kept_rad
+        if is_released or _pose_distance(path, holds[last], on) > path.fidget:
             break
         last += 1
     return last
@@ -175,9 +173,7 @@ def _pause_before(
             continue
         if quantile(motion.tilt_rad[other.start : other.end], 0.5) > np.pi / 2:
             break  # upside down is no pause
-        # A fidget, wider in a hand that sways, does not end a pause; a regrip does.
-        fidget = settings.regrip * path.still_speed / settings.still_speed
-        while j and not holds[j - 1].on_table and _pose_distance(path, holds[j - 1], holds[j]) < fidget:
+        while j and not holds[j - 1].on_table and _pose_distance(path, holds[j - 1], holds[j]) < path.fidget:
             j -= 1  # noqa: PLW2901
         first = max(holds[j].start, barrier)
         speed = path.speed[first : other.end]
@@ -211,7 +207,7 @@ def _afterwards(
     if away is None:
         end = min((after[-1] if after else holds[k]).end, limit)
         return end, end
-    while away + 1 < len(after) and _pose_distance(path, after[away], after[away + 1]) < settings.fidget:
+    while away + 1 < len(after) and _pose_distance(path, after[away], after[away + 1]) < path.fidget:
         away += 1
     hold_end = after_end = min(after[away].end, limit)
     if away + 1 < len(after) and hold_end < limit:
