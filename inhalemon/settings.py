@@ -315,11 +315,14 @@ class MeasureSettings:
 
     sd_press_s: float = 0.015
     sd_inhalation_start_s: float = 0.02
-    sd_inhalation_end_s: float = 0.022
+    sd_inhalation_end_s: float = 0.033
     sd_exhale_pause_s: float = 0.09
-    sd_breath_hold_s: float = 0.06
+    sd_breath_hold_s: float = 0.06  # where a movement shows the breath let out
+    sd_breath_unseen_s: float = 0.2  # where only the next movement ends it
     sd_shake_s: float = 0.06
-    sd_inverted_s: float = 0.05
+    sd_shake_cycles: float = 0.2  # strokes that hardly reach 0.6 g, at either end
+    sd_inverted_s: float = 0.02
+    sd_cover_stop_s: float = 0.02
     sd_press_angle_deg: float = 0.3
     sd_cover_angle_deg: float = 1.25
     sd_cover_shut_deg: float = 0.8

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from inhalemon.devices import Device
+from inhalemon.measures import unit_of
 from inhalemon.settings import MeasureSettings
 from inhalemon.signals import runs
 from inhalemon.values import (
@@ -52,7 +53,7 @@ def measure_dose(
         measures |= _cover(dose, device)
     else:
         measures |= _shake(dose) | _press(dose)
-    return {name: _with_gap(motion, measure, settings) for name, measure in measures.items()}
+    return {name: _with_gap(motion, name, measure, settings) for name, measure in measures.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +175,8 @@ def _breath_hold(dose: _Dose, end_s: float) -> Measure:
         return Measure(0.0, s.sd_breath_hold_s, None, end_s, end_s)
     if hold.end_s >= dose.motion.time_s[-1] - 0.1:
         return Measure(None, reason="recording_ended_before")
-    return Measure(hold.end_s - end_s, s.sd_breath_hold_s, None, end_s, hold.end_s)
+    is_seen = any(p.kind is PhaseKind.EXHALE_AFTER and abs(p.start_s - hold.end_s) < 0.1 for p in dose.phases)
+    return Measure(hold.end_s - end_s, s.sd_breath_hold_s if is_seen else s.sd_breath_unseen_s, None, end_s, hold.end_s)
 
 
 def _order_violations(dose: _Dose) -> Measure:
@@ -224,7 +226,7 @@ def _shake(dose: _Dose) -> dict[str, Measure]:
         to_press = Measure(press.start_s - end_s, sd, None, end_s, press.start_s)
     return {
         "shake_duration_s": Measure(duration_s, math.sqrt(2.0) * s.sd_shake_s, None, start_s, end_s),
-        "shake_cycles": Measure(strokes / 2.0, 0.0, None, start_s, end_s),
+        "shake_cycles": Measure(strokes / 2.0, s.sd_shake_cycles, None, start_s, end_s),
         "shake_to_press_s": to_press,
     }
 
@@ -312,16 +314,15 @@ def _cover(dose: _Dose, device: Device) -> dict[str, Measure]:
     tilt = motion.tilt_rad[between]
     shaken = [shake for shake in dose.shakes if opened_s <= shake.start_s < inhaled_s]
     where = (opened_s, inhaled_s)
-    measures["shake_after_open_cycles"] = Measure(
-        sum(shake.stroke_end_s.size for shake in shaken) / 2.0, 0.0, None, *where
-    )
+    cycles = sum(shake.stroke_end_s.size for shake in shaken) / 2.0
+    measures["shake_after_open_cycles"] = Measure(cycles, s.sd_shake_cycles if cycles else 0.0, None, *where)
     measures["tilt_after_open_max_deg"] = Measure(
         math.degrees(float(tilt.max())), _sd_tilt_deg(dose, opened_s), None, *where
     )
     inverted_s = float(np.count_nonzero(tilt > _INVERTED_RAD)) * motion.step_s
     measures["inverted_after_open_s"] = Measure(inverted_s, s.sd_inverted_s if inverted_s else 0.0, None, *where)
     measures["open_to_inhale_s"] = (
-        Measure(inhaled_s - opened_s, s.sd_inhalation_start_s, None, *where)
+        Measure(inhaled_s - opened_s, math.hypot(s.sd_cover_stop_s, s.sd_inhalation_start_s), None, *where)
         if dose.inhale
         else Measure(None, reason=dose.no_onset)
     )
@@ -333,7 +334,7 @@ def _sd_tilt_deg(dose: _Dose, at_s: float) -> float:
     return math.degrees(math.hypot(sd, dose.settings.sd_mount_rad))
 
 
-def _with_gap(motion: Motion, measure: Measure, settings: MeasureSettings) -> Measure:
+def _with_gap(motion: Motion, name: str, measure: Measure, settings: MeasureSettings) -> Measure:
     """A measure whose stretch has a gap says so: no value over a long one, less sure over a short one."""
     if measure.value is None or measure.start_s is None or measure.end_s is None:
         return measure
@@ -348,6 +349,6 @@ def _with_gap(motion: Motion, measure: Measure, settings: MeasureSettings) -> Me
     near = round(0.2 * motion.rate_hz)
     at_an_end = any(start < first + near or end > last - near for start, end in gaps)
     sd = measure.sd or 0.0
-    if at_an_end and measure.value:
+    if at_an_end and measure.value and unit_of(name) == "s":
         sd = math.hypot(sd, longest_s / 2.0)
     return replace(measure, sd=sd, reason="crosses_a_gap")
