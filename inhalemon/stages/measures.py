@@ -243,7 +243,9 @@ def _press(dose: _Dose) -> dict[str, Measure]:
     if first is None:
         names = ("press_angle_deg", "tilt_at_press_deg", "coordination_s", "press_after_mouth_s")
         return measures | dict.fromkeys(names, Measure(None, reason="no_press"))
-    largest = max(presses, key=lambda press: press.angle_deg)
+    # Presses to the end stop are equal: the first of those that cannot be told from the largest.
+    least_deg = max(press.angle_deg for press in presses) - 2.0 * s.sd_press_angle_deg
+    largest = next(press for press in presses if press.angle_deg >= least_deg)
     near = dose.samples(largest.peak_s - 0.05, largest.peak_s + 0.05)
     measures["press_angle_deg"] = Measure(largest.angle_deg, s.sd_press_angle_deg, None, largest.start_s, largest.end_s)
     measures["tilt_at_press_deg"] = Measure(
