@@ -27,3 +27,9 @@ cpdef Py_ssize_t first_near(
     n_turns=cython.Py_ssize_t, low=cython.Py_ssize_t, high=cython.Py_ssize_t, direction=cython.Py_ssize_t,
     i=cython.Py_ssize_t, last=cython.Py_ssize_t)
 cpdef Py_ssize_t turning_points(const double[::1] values, double least, Py_ssize_t[::1] turns)
+
+@cython.locals(
+    last=cython.Py_ssize_t, i=cython.Py_ssize_t, j=cython.Py_ssize_t, k=cython.Py_ssize_t, since=double)
+cpdef void integrate(
+    const double[::1] time_s, const double[:, ::1] values, Py_ssize_t n_columns, const double[::1] at_s,
+    double[::1] total, double[:, ::1] found)

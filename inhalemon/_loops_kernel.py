@@ -73,7 +73,7 @@ def cheapest_path(totals: memoryview[float], transitions: memoryview[float], pat
 def first_far(
     points: memoryview[float], n_columns: int, here: int, first: int, stop: int, step: int, square: float
 ) -> int:
-    """The first row of `points` (n, columns), from `first` by `step`, at least so far (squared) from row `here`.
+    """The first of `points` (columns, n), from `first` by `step`, at least so far (squared) from the one `here`.
 
     `stop`, which is not looked at, when there is none.
     """
@@ -81,7 +81,7 @@ def first_far(
         row = first + i * step
         apart = 0.0
         for k in range(n_columns):
-            apart += (points[row, k] - points[here, k]) * (points[row, k] - points[here, k])
+            apart += (points[k, row] - points[k, here]) * (points[k, row] - points[k, here])
         if apart >= square:
             return row
     return stop
@@ -95,7 +95,7 @@ def first_near(
         row = first + i * step
         apart = 0.0
         for k in range(n_columns):
-            apart += (points[row, k] - points[here, k]) * (points[row, k] - points[here, k])
+            apart += (points[k, row] - points[k, here]) * (points[k, row] - points[k, here])
         if apart <= square:
             return row
     return stop
@@ -137,3 +137,31 @@ def turning_points(values: memoryview[float], least: float, turns: memoryview[in
         turns[n_turns] = last
         n_turns += 1
     return n_turns
+
+
+def integrate(
+    time_s: memoryview[float],
+    values: memoryview[float],
+    n_columns: int,
+    at_s: memoryview[float],
+    total: memoryview[float],
+    found: memoryview[float],
+) -> None:
+    """The integrals of `values` (n, columns), straight between samples, up to increasing times: `found` (columns, m).
+
+    Between two samples the integral itself is straight, beyond the ends it stays. `total` (columns,) begins with zeros.
+    """
+    last = len(time_s) - 1
+    j = 0
+    for i in range(len(at_s)):
+        while j < last and time_s[j + 1] <= at_s[i]:
+            for k in range(n_columns):
+                total[k] += (values[j + 1, k] + values[j, k]) / 2.0 * (time_s[j + 1] - time_s[j])
+            j += 1
+        since = 0.0
+        if j < last and at_s[i] > time_s[j]:
+            since = at_s[i] - time_s[j]
+        for k in range(n_columns):
+            found[k, i] = total[k]
+            if since > 0.0:
+                found[k, i] += (values[j + 1, k] + values[j, k]) / 2.0 * since

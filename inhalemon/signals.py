@@ -6,6 +6,7 @@ from typing import cast
 
 import numpy as np
 
+from inhalemon import _loops_kernel as kernel
 from inhalemon.rotation import components, from_components, slerp
 from inhalemon.values import AttitudeTrack, BoolArray, FloatArray, IntArray
 
@@ -49,6 +50,15 @@ def moving_mean(values: FloatArray, width: int) -> FloatArray:
     lengths[n - after + 1 :] -= np.arange(1, after)  # ... and beyond the end
     means /= lengths
     return means.T
+
+
+def means_between(time_s: FloatArray, values: FloatArray, edges_s: FloatArray) -> FloatArray:
+    """Time means of `values` (n, k) between one edge and the next, (k, m - 1), for signals straight between samples."""
+    integrals = np.empty((values.shape[1], edges_s.size))
+    total = np.zeros(values.shape[1])
+    kernel.integrate(memory(time_s), memory(values), total.size, memory(edges_s), memory(total), memory(integrals))
+    means: FloatArray = (integrals[:, 1:] - integrals[:, :-1]) / (edges_s[1:] - edges_s[:-1])
+    return means
 
 
 def quantile(values: FloatArray, share: float) -> FloatArray:

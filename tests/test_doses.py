@@ -10,7 +10,7 @@ import pytest
 import inhalemon as im
 from inhalemon.devices import load_device
 from inhalemon.stages.doses import split_doses
-from inhalemon.values import Event, EventKind, Phase, PhaseKind, Shake
+from inhalemon.values import Event, EventKind, ImuTrack, Phase, PhaseKind, Recording, Shake
 
 PMDI, ELLIPTA, HINGE = (load_device(name) for name in ("pmdi", "ellipta", "hinge"))
 
@@ -74,3 +74,18 @@ def test_two_simulated_doses_are_told_apart_and_timed(device):
     # Each start within 0.1 s.
     assert second.measures["puff_interval_s"].value == pytest.approx(inhaled_s[1] - inhaled_s[0], abs=0.2)
     assert sum(len(dose.events) for dose in report.doses) == len(report.events)
+
+
+@pytest.mark.parametrize("after_s", [0.2, 0.5, 0.8])
+@pytest.mark.parametrize("seed", [0, 3])
+def test_recording_that_ends_while_the_cover_opens_again_is_scored(seed, after_s):
+    """The last dose then has no phase of its own: the opening is all of it."""
+    recording, truth = im.simulate_session("ellipta", seed=seed, n_doses=2)
+    opened_s = [event.start_s for event in truth.events if event.kind is EventKind.OPEN]
+    body, lever = (
+        ImuTrack(track.time_s[kept], track.acc_m_s2[kept], track.gyr_rad_s[kept])
+        for track in (recording.body, recording.lever)
+        if (kept := track.time_s <= opened_s[1] + after_s).any()
+    )
+    report = im.score_recording(Recording("ellipta", body, lever))
+    assert report.doses[-1].findings

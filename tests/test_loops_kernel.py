@@ -82,7 +82,7 @@ def test_the_path_is_the_cheapest_of_all(kernel):
 
 @FORMS
 def test_the_first_far_and_the_first_near_sample_are_found_either_way(kernel):
-    points = np.array([[0.0, 0.0], [0.5, 0.0], [3.0, 4.0], [0.0, 1.0], [6.0, 8.0]])
+    points = np.array([[0.0, 0.5, 3.0, 0.0, 6.0], [0.0, 0.0, 4.0, 1.0, 8.0]])
     given = (points.data, 2)
     assert kernel.first_far(*given, 0, 0, 5, 1, 25.0) == 2
     assert kernel.first_far(*given, 0, 3, 5, 1, 25.0) == 4
@@ -118,6 +118,26 @@ def test_turns_take_turns_and_each_is_the_extreme_between_its_neighbours(kernel)
         assert values[turn] in (around.max(), around.min())
 
 
+def integrals(kernel, time_s, values, at):
+    found = np.empty((values.shape[1], at.size))
+    total = np.zeros(values.shape[1])
+    kernel.integrate(time_s.data, values.data, values.shape[1], at.data, total.data, found.data)
+    return found
+
+
+@FORMS
+def test_integrals_are_those_of_the_straight_lines_at_the_samples_and_stay_beyond(kernel):
+    rng = np.random.default_rng(6)
+    time_s = np.cumsum(rng.uniform(0.005, 0.02, 60))
+    values = rng.standard_normal((60, 2))
+    wanted = np.array([[np.trapezoid(values[: k + 1, c], time_s[: k + 1]) for k in range(60)] for c in range(2)])
+    np.testing.assert_allclose(integrals(kernel, time_s, values, time_s), wanted, atol=1e-14)
+    at = np.array([time_s[0] - 1.0, *(0.25 * time_s[:-1] + 0.75 * time_s[1:]), time_s[-1] + 1.0])
+    between = 0.25 * wanted[:, :-1] + 0.75 * wanted[:, 1:]
+    found = integrals(kernel, time_s, values, at)
+    np.testing.assert_allclose(found, np.column_stack([[0.0, 0.0], between, wanted[:, -1]]), atol=1e-14)
+
+
 def test_compiled_loops_equal_their_python_form_to_the_bit():
     rng = np.random.default_rng(4)
     time_s = np.cumsum(rng.uniform(0.005, 0.02, 300))
@@ -136,8 +156,11 @@ def test_compiled_loops_equal_their_python_form_to_the_bit():
     np.testing.assert_array_equal(known[0][1], known[1][1])
     walk = np.cumsum(rng.standard_normal(500))
     assert turns_of(compiled, walk, 1.5) == turns_of(as_python(), walk, 1.5)
-    points = np.cumsum(rng.standard_normal((200, 6)), axis=0)
+    points = np.cumsum(rng.standard_normal((6, 200)), axis=1)
     for name in ("first_far", "first_near"):
         for first, stop, step in ((10, 200, 1), (180, -1, -1)):
             one, other = (getattr(k, name)(points.data, 6, 90, first, stop, step, 9.0) for k in (compiled, as_python()))
             assert one == other
+    at = np.sort(rng.uniform(-0.1, 3.5, 200))
+    samples = rng.standard_normal((300, 3))
+    np.testing.assert_array_equal(*(integrals(k, time_s, samples, at) for k in (compiled, as_python())))

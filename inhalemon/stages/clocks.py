@@ -10,7 +10,7 @@ import numpy as np
 from inhalemon import _loops_kernel as kernel
 from inhalemon.rotation import components
 from inhalemon.settings import ClockSettings
-from inhalemon.signals import memory, quantile
+from inhalemon.signals import means_between, memory, quantile
 from inhalemon.values import BoolArray, ClockFit, FloatArray, ImuTrack, IntArray, Recording
 
 _REST_BLOCK_S = 0.5
@@ -200,9 +200,8 @@ def _changes(time_s: FloatArray, speed: FloatArray, settings: ClockSettings) -> 
 
     The bins' sums come from the running integral, so any rate will do.
     """
-    area = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time_s))])
     edges = np.arange(time_s[0], time_s[-1], settings.coarse_bin_s)
-    means = np.diff(np.interp(edges, time_s, area)) / settings.coarse_bin_s
+    means = means_between(time_s, speed[:, None], edges)[0]
     return np.diff(np.log(settings.faint_rad_s + means))
 
 

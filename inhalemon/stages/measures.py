@@ -65,6 +65,7 @@ class _Dose:
     strokes: tuple[Event, ...]  # of a cover
     span: tuple[float, float]
     inhale: Phase | None
+    ends_in: PhaseKind | None  # what is under way at the end, also when it began in the dose before
     settings: MeasureSettings
 
     @staticmethod
@@ -87,6 +88,7 @@ class _Dose:
             strokes=tuple(e for e in mine if e.kind in (EventKind.OPEN, EventKind.CLOSE)),
             span=span,
             inhale=next((phase for phase in own if phase.kind is PhaseKind.INHALE), None),
+            ends_in=next((phase.kind for phase in reversed(phases) if phase.start_s < end_s), None),
             settings=settings,
         )
 
@@ -290,7 +292,7 @@ def _cover(dose: _Dose, device: Device) -> dict[str, Measure]:
     last_s = dose.span[1]
     stroked_s = dose.strokes[-1].end_s if dose.strokes else dose.span[0]
     final = motion.lever_rad[dose.samples(max(last_s - 0.5, stroked_s), last_s)]
-    is_cut = last_s >= motion.time_s[-1] - 0.1 and dose.phases[-1].kind in _UNFINISHED
+    is_cut = last_s >= motion.time_s[-1] - 0.1 and dose.ends_in in _UNFINISHED
     shown = (openings[0].start_s, openings[-1].end_s) if openings else (None, None)
     measures = {
         "cover_angle_max_deg": Measure(

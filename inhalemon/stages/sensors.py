@@ -15,7 +15,7 @@ from inhalemon.rotation import (
     split_twist,
 )
 from inhalemon.settings import SensorSettings
-from inhalemon.signals import lengths, quantile, squares
+from inhalemon.signals import lengths, means_between, quantile, squares
 from inhalemon.values import BoolArray, FloatArray, ImuTrack, Recording
 
 _G_M_S2 = 9.80665
@@ -92,18 +92,13 @@ class _Blocks:
 
 def _means(track: ImuTrack, edges: FloatArray, max_gap_s: float) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Means of specific force and rate between edges, for signals straight between samples; and which have no gap."""
+    acc, gyr = (means_between(track.time_s, values, edges).T for values in (track.acc_m_s2, track.gyr_rad_s))
     step_s = np.diff(track.time_s)
-    means = np.empty((6, edges.size - 1))
-    integral = np.zeros(track.n_samples)
-    for mean, values in zip(means, (*track.acc_m_s2.T, *track.gyr_rad_s.T), strict=True):
-        np.cumsum((values[1:] + values[:-1]) / 2 * step_s, out=integral[1:])
-        mean[:] = np.diff(np.interp(edges, track.time_s, integral))
-    means /= np.diff(edges)
     has_samples: BoolArray = np.diff(np.searchsorted(track.time_s, edges)) > 0
     for gap in np.flatnonzero(step_s > max(max_gap_s, 2.5 / track.rate_hz)):
         first, last = np.searchsorted(edges, track.time_s[[gap, gap + 1]], side="right") - 1
         has_samples[max(first, 0) : last + 1] = False
-    return means[:3].T.copy(), means[3:].T.copy(), has_samples
+    return np.ascontiguousarray(acc), np.ascontiguousarray(gyr), has_samples
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

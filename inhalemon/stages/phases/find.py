@@ -173,7 +173,7 @@ def _raise(mask: FloatArray, start: int, end: int, weight: float) -> None:
 
 def _costs(masks: dict[PhaseKind, FloatArray], windows: Windows) -> FloatArray:
     """What each label costs in each window (m, labels): nothing where all speaks for it."""
-    shares = dict(zip(masks, window_mean(np.array(list(masks.values())), windows.edges), strict=True))
+    shares = {kind: window_mean(mask, windows.edges) for kind, mask in masks.items()}
     costs = np.empty((windows.cluster.size, len(LABELS)))
     for kind in LABELS:
         costs[:, _COLUMN[kind]] = 3.0 * (1.0 - shares[kind])

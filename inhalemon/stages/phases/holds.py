@@ -89,7 +89,7 @@ def _leaving(pose: FloatArray, begin: int, stop: int) -> int:
     somewhere between uniformly accelerated and with the least jerk, distance growing as time squared or cubed.
     """
     step = 1 if stop > begin else -1
-    points = (memory(pose), pose.shape[1])
+    points = (memory(pose.T), pose.shape[1])
     far = kernel.first_far(*points, begin, begin, stop, step, 0.6**2)
     if far == stop:
         return stop

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from inhalemon.settings import PhaseSettings
-from inhalemon.signals import drop_short, lengths, moving_mean, quantile, squares
+from inhalemon.signals import drop_short, moving_mean, quantile, squares
 from inhalemon.values import BoolArray, FloatArray, Motion
 
 
@@ -52,18 +52,20 @@ def _smoothed(motion: Motion, smooth_s: float, settings: PhaseSettings, *, has_p
     turned = moving_mean(np.cumsum(motion.gyr_rad_s, axis=0) * step, width)
     if has_place:
         place = moving_mean(np.cumsum(motion.velocity_ref_m_s, axis=0) * step, width)
-        pose = np.concatenate([turned / settings.clear_turn_rad, place / settings.clear_move_m], axis=1)
+        pose = np.concatenate([turned.T / settings.clear_turn_rad, place.T / settings.clear_move_m]).T
         height = place[:, 2]
     else:
         pose = turned / settings.clear_turn_rad
         place = pose * settings.clear_move_m
         height = np.zeros(motion.time_s.size)
     half = round(0.1 * motion.rate_hz)
-    ends = np.concatenate([np.repeat(pose[:1], half, axis=0), pose, np.repeat(pose[-1:], half, axis=0)])
-    apart = ends[2 * half :] - ends[: -2 * half]
+    apart2 = np.zeros(motion.time_s.size)
+    for column in pose.T:
+        ends = np.concatenate([np.full(half, column[0]), column, np.full(half, column[-1])])
+        apart2 += (ends[2 * half :] - ends[: -2 * half]) ** 2
     return Path(
-        pose=np.ascontiguousarray(pose),
-        speed=lengths(apart) / (2 * half * step),
+        pose=pose,
+        speed=np.sqrt(apart2) / (2 * half * step),
         turn_rad=turned[:, 0],
         elevation_rad=moving_mean(motion.elevation_rad, width),
         place_m=place,

@@ -41,8 +41,7 @@ class Windows:
 
 
 def window_mean(values: FloatArray, edges: IntArray) -> FloatArray:
-    """The mean within each window of (..., n) values: (..., m)."""
-    means: FloatArray = np.add.reduceat(values, edges[:-1], axis=-1) / np.diff(edges)
+    means: FloatArray = np.add.reduceat(values, edges[:-1]) / np.diff(edges)
     return means
 
 
