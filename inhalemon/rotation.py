@@ -131,11 +131,16 @@ def from_two_vectors(v_a: FloatArray, v_b: FloatArray) -> FloatArray:
     b = np.asarray(v_b) / np.linalg.norm(v_b, axis=-1, keepdims=True)
     cosine = np.sum(a * b, axis=-1, keepdims=True)
     # Opposite vectors: half a turn about any axis across b.
-    across = np.cross(b, np.where(np.abs(b[..., :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
-    across = across / np.linalg.norm(across, axis=-1, keepdims=True)
-    turned = np.concatenate([1.0 + cosine, np.cross(b, a)], axis=-1)
+    across = _cross(b, np.where(np.abs(b[..., :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
+    turned = np.concatenate([1.0 + cosine, _cross(b, a)], axis=-1)
     half_turn = np.concatenate([np.zeros_like(cosine), across], axis=-1)
     return normalise(np.where(cosine < -1.0 + 1e-12, half_turn, turned))
+
+
+def _cross(v: FloatArray, w: FloatArray) -> FloatArray:
+    a, b, c = components(v)
+    x, y, z = components(w)
+    return from_components(b * z - c * y, c * x - a * z, a * y - b * x)
 
 
 def up_in(q_ref_body: FloatArray) -> FloatArray:

@@ -124,7 +124,7 @@ class ImuTrack:
             object.__setattr__(self, name, values)
             if not np.isfinite(values).all():
                 raise RecordingError("not_finite", column=name, found="not finite", wanted="finite numbers")
-        if not np.isfinite(time_s).all() or (np.diff(time_s) <= 0).any():
+        if not np.isfinite(time_s).all() or (time_s[1:] <= time_s[:-1]).any():
             raise RecordingError(
                 "time_not_increasing", column="time_s", found="not increasing", wanted="strictly increasing seconds"
             )

@@ -80,11 +80,13 @@ def _add(sensor: _Gathered, columns: Columns, block: RowBlock, is_its: BoolArray
         return None
     values = block.values if rows.size == len(block.values) else block.values.take(rows, axis=0)
     time = np.ascontiguousarray(values[:, columns.time])
-    steps = np.diff(time, prepend=sensor.last_time_s)
-    if (steps <= 0).any():
-        at = int(np.argmax(steps <= 0))
+    is_late = np.empty(time.size, dtype=np.bool_)
+    is_late[0] = time[0] > sensor.last_time_s
+    np.greater(time[1:], time[:-1], out=is_late[1:])
+    if not is_late.all():
+        at = int(np.argmin(is_late))
         before = time[at - 1] if at else sensor.last_time_s
-        what = "equal to" if steps[at] == 0 else "earlier than"
+        what = "equal to" if time[at] == before else "earlier than"
         return RecordingError(
             "time_not_increasing",
             file=file,

@@ -87,7 +87,7 @@ def _whole_lines(blocks: Iterator[bytes], file: str) -> Iterator[bytes]:
 
 def _split_header(lines: Iterator[bytes], file: str) -> tuple[bytes, bytes]:
     first = next(lines, b"").removeprefix(_BOM)
-    if not first.strip():
+    if not first or first.isspace():
         raise RecordingError(
             "empty", file=file, found="an empty file", wanted="a header and rows", detail="Export the session again"
         )

@@ -12,7 +12,7 @@ import numpy as np
 from inhalemon import _loops_kernel as kernel
 from inhalemon.devices import Device
 from inhalemon.settings import EventSettings
-from inhalemon.signals import close_gaps, memory, moving_mean, onset, runs
+from inhalemon.signals import close_gaps, lengths, memory, moving_mean, onset, quantile, runs
 from inhalemon.values import DeviceKind, Event, EventKind, FloatArray, Motion, Shake
 
 
@@ -133,7 +133,7 @@ def _cover_event(motion: Motion, stroke: _Stroke, end: int) -> Event:
 def _presses(
     motion: Motion, strokes: Sequence[_Stroke], shakes: Sequence[Shake], device: Device, settings: EventSettings
 ) -> list[Event]:
-    turned = np.cumsum(np.sqrt(np.einsum("ij,ij->i", motion.gyr_rad_s, motion.gyr_rad_s))) * motion.step_s
+    turned = np.cumsum(lengths(motion.gyr_rad_s)) * motion.step_s
     events = []
     for k, rise in enumerate(strokes):
         lasts_s = (rise.stop - rise.begin) * motion.step_s
@@ -148,7 +148,7 @@ def _presses(
         release = fall.begin if fall is not None else motion.time_s.size - 1
         end = fall.stop if fall is not None else motion.time_s.size - 1
         held = motion.lever_rad[rise.stop : max(min(release, rise.stop + round(0.3 * motion.rate_hz)), rise.stop + 1)]
-        stroke_rad = float(np.median(held)) - rise.from_rad
+        stroke_rad = float(quantile(held, 0.5)) - rise.from_rad
         # The two sensors disagree a little about every turn of the whole device.
         blur_rad = settings.turn_blur * float(turned[rise.stop] - turned[rise.begin])
         # What happened in a gap was guessed by both attitudes.

@@ -11,12 +11,11 @@ import numpy as np
 from inhalemon.devices import Device
 from inhalemon.measures import unit_of
 from inhalemon.settings import MeasureSettings
-from inhalemon.signals import runs
+from inhalemon.signals import lengths, quantile, runs
 from inhalemon.values import (
     DeviceKind,
     Event,
     EventKind,
-    FloatArray,
     Measure,
     Motion,
     Phase,
@@ -135,8 +134,8 @@ def _inhalation(dose: _Dose) -> dict[str, Measure]:
     unsteady = Measure(None, reason="hand_never_still")
     pause = _exhale_pause(dose)
     measures = {
-        "mouth_stays": unsteady if dose.is_unsteady and not stays else Measure(float(stays), 0.0),
-        "exhale_pause_s": unsteady if dose.is_unsteady and not pause.value else pause,
+        "mouth_stays": unsteady if not stays and dose.is_unsteady else Measure(float(stays), 0.0),
+        "exhale_pause_s": unsteady if not pause.value and dose.is_unsteady else pause,
         "order_violations": _order_violations(dose),
     }
     if inhale is None:
@@ -150,7 +149,7 @@ def _inhalation(dose: _Dose) -> dict[str, Measure]:
     cut = Measure(None, reason="recording_ended_before")
     measures["inhalation_start_s"] = Measure(start_s, s.sd_inhalation_start_s, None, start_s, start_s)
     measures["tilt_at_inhalation_deg"] = Measure(
-        math.degrees(float(np.percentile(tilt, 95))), _sd_tilt_deg(dose, start_s), None, start_s, end_s
+        math.degrees(float(quantile(tilt, 0.95))), _sd_tilt_deg(dose, start_s), None, start_s, end_s
     )
     sd = math.hypot(s.sd_inhalation_start_s, s.sd_inhalation_end_s)
     measures["inhalation_s"] = cut if is_cut else Measure(end_s - start_s, sd, None, start_s, end_s)
@@ -251,7 +250,7 @@ def _press(dose: _Dose) -> dict[str, Measure]:
     near = dose.samples(largest.peak_s - 0.05, largest.peak_s + 0.05)
     measures["press_angle_deg"] = Measure(largest.angle_deg, s.sd_press_angle_deg, None, largest.start_s, largest.end_s)
     measures["tilt_at_press_deg"] = Measure(
-        math.degrees(float(np.median(dose.motion.tilt_rad[near]))),
+        math.degrees(float(quantile(dose.motion.tilt_rad[near], 0.5))),
         _sd_tilt_deg(dose, largest.peak_s),
         None,
         largest.start_s,
@@ -276,8 +275,8 @@ def _left_mouth_s(dose: _Dose, inhale: Phase) -> float:
     at = dose.samples(inhale.start_s, dose.span[1])
     place = np.cumsum(motion.velocity_ref_m_s[at], axis=0) * motion.step_s
     n_inhale = max(motion.index(inhale.end_s) - at.start, 1)
-    here: FloatArray = np.median(place[n_inhale // 2 : n_inhale], axis=0)
-    away = np.linalg.norm(place[n_inhale:] - here, axis=1) > dose.settings.left_mouth_m
+    here = quantile(place[n_inhale // 2 : n_inhale], 0.5)
+    away = lengths(place[n_inhale:] - here) > dose.settings.left_mouth_m
     if not away.any():
         return dose.span[1]
     return float(motion.time_s[at.start + n_inhale + int(np.argmax(away))])
@@ -296,14 +295,14 @@ def _cover(dose: _Dose, device: Device) -> dict[str, Measure]:
     shown = (openings[0].start_s, openings[-1].end_s) if openings else (None, None)
     measures = {
         "cover_angle_max_deg": Measure(
-            max((o.angle_deg for o in openings), default=math.degrees(float(np.percentile(angle, 99)))),
+            max((o.angle_deg for o in openings), default=math.degrees(float(quantile(angle, 0.99)))),
             s.sd_cover_angle_deg,
             None,
             *shown,
         ),
         "cover_final_deg": Measure(None, reason="recording_ended_before")
         if is_cut
-        else Measure(math.degrees(float(np.median(final))), s.sd_cover_shut_deg, None, last_s - 0.5, last_s),
+        else Measure(math.degrees(float(quantile(final, 0.5))), s.sd_cover_shut_deg, None, last_s - 0.5, last_s),
         "cover_openings": Measure(float(sum(o.angle_deg >= full_deg for o in openings)), 0.0, None, *shown),
     }
     names = ("shake_after_open_cycles", "tilt_after_open_max_deg", "inverted_after_open_s", "open_to_inhale_s")

@@ -75,7 +75,7 @@ def _laid_down(motion: Motion, arrival: int, end: int, settings: PhaseSettings) 
     low, high = max(arrival - around, 0), min(arrival + around, (arrival + end) // 2)
     force = without_noise(motion.force_m_s2[low:end], motion, settings)
     gyr = without_noise(motion.gyr_rad_s[low:end], motion, settings)
-    apart = lengths(force - np.median(force[high - low :], axis=0)) / settings.table_acc_m_s2
+    apart = lengths(force - quantile(force[high - low :], 0.5)) / settings.table_acc_m_s2
     unrest = moving_mean(apart**2 + (lengths(gyr) / settings.table_gyr_rad_s) ** 2, round(0.1 * motion.rate_hz))
     moved = np.flatnonzero(unrest[: high - low] > settings.table_unrest)
     return low + int(moved[-1]) + 1 if moved.size else low
