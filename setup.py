@@ -14,9 +14,11 @@ kernels = [
     )
     for file in (
         "_attitude_kernel.py",
+        "_errors_kernel.py",
         "_heading_kernel.py",
         "_loops_kernel.py",
         "_source_kernel.py",
+        "_smoother_kernel.py",
         "_csv_kernel.pyx",
     )
 ]

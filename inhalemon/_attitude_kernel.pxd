@@ -1,7 +1,7 @@
 # C types for _attitude_kernel.py; it is the same program without them.
 # Indices are Py_ssize_t: with a narrower type the compiler cannot turn the loops into vector instructions.
 cimport cython
-from libc cimport math
+from inhalemon._errors_kernel cimport Errors
 
 @cython.final
 cdef class AttitudeFilter:
@@ -10,7 +10,6 @@ cdef class AttitudeFilter:
     cdef double[3] start_f
     cdef public double start_s, gap_s, reset_gap_s, gap_rate_var, gap_acc_var
     cdef public double tilt_var, velocity_var, bias_var, scale_var
-    cdef public Py_ssize_t end
     cdef public double r_factor, r_start, r_start_s, r_floor, r_largest, window_s
     cdef public bint r_is_constant
     cdef public double rest_rate, rest_acc, rest_min_s, rest_bias_q, rest_bias_gate, rest_r
@@ -19,7 +18,7 @@ cdef class AttitudeFilter:
     cdef public double[3] b
     cdef public double[9] scale
     cdef public double[2] v
-    cdef public double[256] p
+    cdef readonly Errors errors
     cdef double[3] w
     cdef double[3] e
     cdef double[3] g
@@ -32,33 +31,21 @@ cdef class AttitudeFilter:
     cdef double[3] rest_w
     cdef double[3] rest_a
     cdef public double rest_s, r
-    cdef double dt
-    cdef double[24] a
-    cdef double c, tilt_noise, velocity_noise
     cdef int event
-    cdef double[16] d
-    cdef Py_ssize_t n_updates
-    cdef Py_ssize_t[5] i
-    cdef double[80] k
-    cdef double[5] y
-    cdef double[5] s
 
     @cython.locals(
         q=cython.p_double, m=cython.p_double, g=double, fx=double, fy=double, fz=double, n=double, cw=double, cx=double, cy=double,
         qw=double, qx=double, qy=double, qz=double)
     cdef void start(self, double dt, double ax, double ay, double az) noexcept
 
-    @cython.locals(p=cython.p_double, i=cython.Py_ssize_t, j=cython.Py_ssize_t)
+    @cython.locals(errors=Errors, p=cython.p_double, i=cython.Py_ssize_t)
     cpdef void begin(self) noexcept
 
     @cython.locals(i=cython.Py_ssize_t)
     cpdef void take(self, AttitudeFilter other) noexcept
 
-    @cython.locals(i=cython.Py_ssize_t)
-    cdef void gather(self) noexcept
-
     @cython.locals(
-        q=cython.p_double, a=cython.p_double, e=cython.p_double, g=cython.p_double, c=double, hx=double, hy=double,
+        errors=Errors, q=cython.p_double, a=cython.p_double, e=cython.p_double, g=cython.p_double, c=double, hx=double, hy=double,
         hz=double, ux=double, uy=double, uz=double, gx=double, gy=double, gz=double,
         r00=double, r01=double, r02=double, r10=double, r11=double, r12=double, fx=double, fy=double, fz=double)
     cpdef void step(
@@ -66,17 +53,12 @@ cdef class AttitudeFilter:
     ) noexcept
 
     @cython.locals(
-        b=cython.p_double, p=cython.p_double, is_rest=cython.bint, vx=double, vy=double, g=double, r=double, s=double,
+        errors=Errors, b=cython.p_double, p=cython.p_double, is_rest=cython.bint, vx=double, vy=double, g=double, r=double, s=double,
         i=cython.Py_ssize_t)
     cdef void correct(self, double r_given, double fz) noexcept
 
     @cython.locals(e=cython.p_double, k=cython.p_double)
     cdef inline void take_rate(self) noexcept
-
-    @cython.locals(
-        p=cython.p_double, a=cython.p_double, t="double[16]", u="double[16]", c=double, s00=double, s01=double, s11=double, i=cython.Py_ssize_t,
-        j=cython.Py_ssize_t)
-    cdef void grow(self) noexcept
 
     @cython.locals(c=double)
     cdef inline void integrate(self, double dt, double ux, double uy, double uz, double gx, double gy, double gz) noexcept
@@ -90,16 +72,6 @@ cdef class AttitudeFilter:
 
     @cython.locals(q=cython.p_double, n=double, s=double, qw=double, qx=double, qy=double, qz=double)
     cdef void tilt(self, double hx, double hy) noexcept
-
-    @cython.locals(
-        p=cython.p_double, h="double[16]", k="double[16]", h2="double[16]", k2="double[16]", s=double, s2=double, c=double, y2=double,
-        i=cython.Py_ssize_t, j=cython.Py_ssize_t)
-    cdef void update_velocity(self, double vx, double vy, double var) noexcept
-
-    @cython.locals(
-        p=cython.p_double, h="double[16]", k="double[16]", s=double, y=double, j=cython.Py_ssize_t,
-        m=cython.Py_ssize_t)
-    cdef void update(self, Py_ssize_t i, double error, double var) noexcept
 
     @cython.locals(u=cython.p_double, f=cython.p_double, g=double)
     cdef inline void look_for_rest(
@@ -122,46 +94,9 @@ cdef class AttitudeFilter:
         const unsigned char[::1] flags, const double[::1] r, Py_ssize_t first, Py_ssize_t last)
 
     @cython.locals(
-        n_rows=cython.Py_ssize_t, dt=double, n=cython.Py_ssize_t, i=cython.Py_ssize_t, j=cython.Py_ssize_t,
+        errors=Errors, n_rows=cython.Py_ssize_t, dt=double, n=cython.Py_ssize_t, i=cython.Py_ssize_t, j=cython.Py_ssize_t,
         u=cython.Py_ssize_t)
     cpdef Py_ssize_t write_tape(
         self, const double[::1] time_s, const double[:, ::1] gyr, const double[:, ::1] acc,
         const unsigned char[::1] flags, const double[::1] r, Py_ssize_t first, Py_ssize_t last, double[:, ::1] tape,
         Py_ssize_t[:, ::1] marks)
-
-
-@cython.final
-cdef class Smoother:
-    cdef double[8] lam
-    cdef double[56] big
-
-    @cython.locals(
-        x="double[8]", q="double[4]", row=cython.Py_ssize_t, n=cython.Py_ssize_t, i=cython.Py_ssize_t,
-        j=cython.Py_ssize_t, hx=double, hy=double, s=double)
-    cpdef void run(
-        self, const double[:, ::1] tape, const Py_ssize_t[:, ::1] marks, Py_ssize_t n_rows, double[:, ::1] out_q,
-        double[:, ::1] out_b, double[::1] out_var)
-
-    @cython.locals(
-        lam=cython.p_double, big=cython.p_double, w="double[8]", n_updates=cython.Py_ssize_t, u=cython.Py_ssize_t,
-        at=cython.Py_ssize_t, m=cython.Py_ssize_t, i=cython.Py_ssize_t, j=cython.Py_ssize_t, s=double, c=double)
-    cdef void step_back(self, const double[:, ::1] tape, const Py_ssize_t[:, ::1] marks, Py_ssize_t row) noexcept
-
-
-@cython.locals(turner=AttitudeFilter, i=cython.Py_ssize_t, n=cython.Py_ssize_t)
-cpdef void fill(
-    const double[::1] time_s, const double[:, ::1] gyr, const unsigned char[::1] is_row, double[:, ::1] out_q,
-    double[:, ::1] out_b, double[::1] out_var)
-
-@cython.locals(
-    mean_x=double, mean_y=double, mean_yy=double, mean_hph=double, seen_s=double, future=double,
-    after=cython.Py_ssize_t, n=cython.Py_ssize_t, g=double)
-cpdef void centred_r(
-    const double[::1] time_s, const double[:, ::1] y, double window_s, double floor, double largest, double[::1] r)
-
-@cython.locals(
-    n=cython.Py_ssize_t, hx=double, hy=double, hz=double, s=double, c=double, qw=double, qx=double, qy=double,
-    qz=double)
-cpdef void finish(
-    const double[:, ::1] gyr, const double[:, ::1] b, double delay_s, double unseen_var, double delay_var,
-    double[:, ::1] out_q, double[::1] out_sd)

@@ -8,13 +8,14 @@ from __future__ import annotations
 import dataclasses
 import importlib.machinery
 import importlib.util
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import inhalemon
-from inhalemon import _attitude_kernel, _source_kernel
+from inhalemon import _attitude_kernel, _errors_kernel, _smoother_kernel, _source_kernel
 from inhalemon.exceptions import RecordingError, SettingsError
 from inhalemon.rotation import (
     about_z,
@@ -480,8 +481,11 @@ def test_compiled_kernel_and_python_agree(method, smooth, monkeypatch):
     track = ImuTrack(track.time_s[kept], track.acc_m_s2[kept], gyr, gyr_range_rad_s=1.5)
     settings = AttitudeSettings(method=method, smooth=smooth)
     compiled = estimate_attitude(track, settings)
-    monkeypatch.setattr(stage, "kernel", plain_python(_attitude_kernel))
-    monkeypatch.setattr(stage, "source_kernel", plain_python(_source_kernel))
+    for module in (_errors_kernel, _attitude_kernel, _smoother_kernel, _source_kernel):  # each before who uses it
+        monkeypatch.setitem(sys.modules, module.__name__, plain_python(module))
+    monkeypatch.setattr(stage, "kernel", sys.modules[_attitude_kernel.__name__])
+    monkeypatch.setattr(stage, "smoothing", sys.modules[_smoother_kernel.__name__])
+    monkeypatch.setattr(stage, "source_kernel", sys.modules[_source_kernel.__name__])
     python = estimate_attitude(track, settings)
     for name in ("q", "sd_tilt_rad", "gyr_bias_rad_s", "r"):
         tolerance = 1e-10 if method == "akf_source" else 0.0

@@ -3,7 +3,8 @@
 `akf`, the default, is an adaptive Kalman filter of the error of attitude. Its innovation is the horizontal specific
 force gathered into velocity: a hand goes nowhere in the long run, so the velocity is zero, give or take R, and R is
 taken from the innovations of the last seconds, as the source takes its own. docs/method.md has the equations, and what
-each departs from. The arithmetic is in `_attitude_kernel.py`; the source's own filter is in `_source_kernel.py`.
+each departs from. The arithmetic is in `_attitude_kernel.py` and what
+it uses; the source's own filter is in `_source_kernel.py`.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inhalemon import _attitude_kernel as kernel
+from inhalemon import _smoother_kernel as smoothing
 from inhalemon import _source_kernel as source_kernel
 from inhalemon.exceptions import RecordingError
 from inhalemon.rotation import from_source, from_two_vectors, to_source
@@ -110,7 +112,7 @@ def _akf(track: ImuTrack, settings: AttitudeSettings) -> AttitudeTrack:
     akf = _new_filter(settings)
     akf.run(*samples, *out.views)
     if settings.smooth:
-        kernel.centred_r(
+        smoothing.centred_r(
             samples[0],
             memory(out.innovation),
             settings.window_s,
@@ -143,14 +145,15 @@ def _smooth(
     akf.start_s = 0.0  # a finished recording needs no careful start: what comes later corrects it
     akf.b = out.bias[-1].tolist()  # ... but one near enough to be linear about: the bias as it was known at the end
     akf.has_rested = True
-    akf.scale, akf.end = scale, 8  # the scales do not change: the last the causal filter knew is the best for all
+    akf.scale = scale  # what does not change is known best at the end, ...
+    akf.errors.end = 8  # ... and is not estimated again
     states = []
     for first in range(0, n, BLOCK):
         states.append(kernel.AttitudeFilter())
         states[-1].take(akf)
         if first + BLOCK < n:
             akf.skip(time_s, gyr, acc, flags, r, first, first + BLOCK)
-    smoother = kernel.Smoother()
+    smoother = smoothing.Smoother()
     for block in range(len(states) - 1, -1, -1):
         first = block * BLOCK
         akf.take(states.pop())
@@ -158,7 +161,7 @@ def _smooth(
         smoother.run(memory(tape), marks.data, n_rows, q, bias, tilt_var)
         is_row[marks[:n_rows, 0]] = 1
     without_scale = out.bias[-1] + (np.asarray(gyr) - out.bias[-1]) @ (np.eye(3) - np.reshape(scale, (3, 3))).T
-    kernel.fill(time_s, memory(without_scale), is_row.data, q, bias, tilt_var)
+    smoothing.fill(time_s, memory(without_scale), is_row.data, q, bias, tilt_var)
 
 
 def _new_filter(settings: AttitudeSettings) -> kernel.AttitudeFilter:
@@ -201,7 +204,7 @@ def _new_filter(settings: AttitudeSettings) -> kernel.AttitudeFilter:
 
 def _as_track(track: ImuTrack, out: _Estimate, settings: AttitudeSettings) -> AttitudeTrack:
     """Brings the attitude from the gyro's delayed time to the sample's, and adds to sd what the filter cannot know."""
-    kernel.finish(
+    smoothing.finish(
         memory(track.gyr_rad_s),
         memory(out.bias),
         settings.gyr_delay_s,
@@ -239,7 +242,9 @@ def _gyro(track: ImuTrack, settings: AttitudeSettings) -> AttitudeTrack:
     q, bias, tilt_var = np.empty((n, 4)), np.zeros((n, 3)), np.zeros(n)
     q[0] = _upright_start(track)
     is_row = np.zeros(n, dtype=np.uint8)
-    kernel.fill(memory(track.time_s), memory(track.gyr_rad_s), is_row.data, memory(q), memory(bias), memory(tilt_var))
+    smoothing.fill(
+        memory(track.time_s), memory(track.gyr_rad_s), is_row.data, memory(q), memory(bias), memory(tilt_var)
+    )
     since_s = track.time_s - track.time_s[0]
     start = abs(float(np.linalg.norm(track.acc_m_s2[0])) / GRAVITY_M_S2 - 1.0)
     bias_sd = math.radians(settings.sd_start_bias_deg_s)
