@@ -93,6 +93,37 @@ def test_workers_end_when_their_parent_is_killed(tmp_path):
     assert not workers
 
 
+@pytest.mark.parametrize("delay_s", [0.0, 0.05, 0.1, 0.2, 0.3])
+def test_an_interrupt_is_seen_whenever_it_comes(tmp_path, delay_s):
+    """As workers start, between results, while a result is taken: the whole group gets it, as from a terminal."""
+    script = tmp_path / "batch.py"
+    script.write_text(
+        "import sys\n"
+        "from inhalemon.cli.batch import run_batch\n"
+        "def quick(job):\n"
+        "    return job\n"
+        "if __name__ == '__main__':\n"
+        "    results = run_batch(quick, range(10**5), n_workers=2, on_crash=lambda job, code: sys.exit('crashed'))\n"
+        "    whole = True\n"
+        "    print('started', flush=True)\n"
+        "    try:\n"
+        "        for result in results:\n"
+        "            whole = False\n"
+        "            whole = True\n"
+        "    except KeyboardInterrupt:\n"
+        "        print(whole, flush=True)\n"
+    )
+    command = [sys.executable, script]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as parent:
+        assert parent.stdout.readline() == "started\n"
+        time.sleep(0.1 + delay_s)
+        os.killpg(parent.pid, signal.SIGINT)
+        assert parent.communicate(timeout=30) == ("True\n", "")
+        assert parent.returncode == 0
+
+
 def is_running(pid: int) -> bool:
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"

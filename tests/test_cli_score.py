@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -207,6 +208,7 @@ def stuck_batch(three, tmp_path):
             assert batch.poll() is None
             time.sleep(0.01)
         yield batch, pipe, out
+        batch.kill()
 
 
 def test_a_killed_batch_goes_on_where_it_stopped(stuck_batch, three):
@@ -218,6 +220,19 @@ def test_a_killed_batch_goes_on_where_it_stopped(stuck_batch, three):
     assert out.read_bytes().count(b"\n") == 6
     again = inhalemon("score", pipe.parent, "--device", "pmdi", "--jobs", "2", "--out", out)
     assert again.returncode == 0
+    assert ids(documents(out.read_bytes())) == [f"{number:02}" for number in range(12)]
+
+
+@pytest.mark.parametrize(("asked", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_interruption_is_quiet_and_keeps_what_is_done(stuck_batch, three, asked, code):
+    batch, pipe, out = stuck_batch
+    os.killpg(batch.pid, asked)  # as the terminal does: to the parent and every worker
+    _, told = batch.communicate(timeout=30)
+    assert (batch.returncode, told) == (code, b"")
+    assert ids(documents(out.read_bytes())) == [f"{number:02}" for number in range(6)]
+    pipe.unlink()
+    pipe.symlink_to(three / "s1.csv")
+    assert inhalemon("score", pipe.parent, "--device", "pmdi", "--jobs", "2", "--out", out).returncode == 0
     assert ids(documents(out.read_bytes())) == [f"{number:02}" for number in range(12)]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -75,11 +76,12 @@ def score(
         preload=["inhalemon.cli.scoring"],
     )
     is_any_unusable = any(kind == "file" for kind, _ in kept)
-    for outcome in progress(outcomes, n_done=len(found) - len(waiting), n=len(found)):
-        sink.add(outcome.document)
-        if outcome.failure is not None:
-            is_any_unusable = True
-            tell(outcome.failure)
+    with closing(outcomes):
+        for outcome in progress(outcomes, n_done=len(found) - len(waiting), n=len(found)):
+            sink.add(outcome.document)
+            if outcome.failure is not None:
+                is_any_unusable = True
+                tell(outcome.failure)
     sink.close()
     if is_any_unusable:
         raise typer.Exit(UNUSABLE_RECORDING)
