@@ -88,19 +88,16 @@ async def received(request: Request, files: RawFiles, settings: ServiceSettings)
 async def _body(request: Request, settings: ServiceSettings) -> AsyncIterator[bytes]:
     """The body's blocks, within the limits on size and time."""
     total = 0
-    blocks = request.stream()
+    now_s = asyncio.get_running_loop().time
+    last_s = now_s() + settings.upload_deadline_s
     try:
-        async with asyncio.timeout(settings.upload_deadline_s):
-            while True:
-                try:
-                    async with asyncio.timeout(settings.upload_stall_s):
-                        block = await anext(blocks)
-                except StopAsyncIteration:
-                    return
+        async with asyncio.timeout_at(min(last_s, now_s() + settings.upload_stall_s)) as patience:
+            async for block in request.stream():
                 total += len(block)
                 if total > settings.max_upload_bytes:
                     raise _too_large(settings)
                 yield block
+                patience.reschedule(min(last_s, now_s() + settings.upload_stall_s))
     except TimeoutError as error:
         raise TooSlowError(
             f"Nothing came for {settings.upload_stall_s:g} s, or not all within {settings.upload_deadline_s:g} s."

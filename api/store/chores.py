@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sqlalchemy import Connection, delete, select, update
+from sqlalchemy import Connection, bindparam, delete, select, update
 
 from api.moments import DAY_US, SECOND_US, new_id, now_us
 from api.problems import NotFoundError
@@ -126,15 +126,19 @@ def drop_webhook(connection: Connection, clinic_ids: Sequence[str], webhook_id: 
     return Webhook(**row)
 
 
+_HOOKS = select(webhooks.c.id, webhooks.c.events).where(webhooks.c.clinic_id == bindparam("of_clinic"))
+
+
 def announce(connection: Connection, clinic_id: str, event: str, body: bytes) -> int:
     """Note one delivery for each webhook of the clinic that wants the event; returns how many."""
-    hooks = [hook for hook in webhooks_of(connection, (clinic_id,)) if event in hook.events.split()]
+    found = connection.execute(_HOOKS, {"of_clinic": clinic_id}).all()
+    hooks = [hook_id for hook_id, events in found if event in events.split()]
     now = now_us()
-    for hook in hooks:
+    for hook_id in hooks:
         connection.execute(
             deliveries.insert().values(
                 id=new_id(),
-                webhook_id=hook.id,
+                webhook_id=hook_id,
                 event=event,
                 body=body,
                 created_at_us=now,

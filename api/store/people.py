@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from sqlalchemy import Connection, delete, func, select, update
+from sqlalchemy import Connection, bindparam, delete, func, select, update
 
 from api.moments import SECOND_US, new_id, now_us
 from api.problems import ConflictError, NotFoundError
@@ -201,10 +201,11 @@ def add_key(
 
 
 _KEYS = select(api_keys, clinics.c.slug.label("clinic")).join(clinics)
+_KEY = _KEYS.where(api_keys.c.prefix == bindparam("with_prefix"))  # built once: it runs with every request
 
 
 def key_with_prefix(connection: Connection, prefix: str) -> ApiKey | None:
-    row = connection.execute(_KEYS.where(api_keys.c.prefix == prefix)).mappings().one_or_none()
+    row = connection.execute(_KEY, {"with_prefix": prefix}).mappings().one_or_none()
     return None if row is None else ApiKey(**row)
 
 

@@ -306,7 +306,7 @@ def keep_report(
 ) -> tuple[Session, StoredReport]:
     """Keep a report as the session's newest; one equal to the newest is not kept twice. Returns both as they stand."""
     told = orjson.loads(body)
-    newest = report(connection, session.id)
+    newest = None if session.report_id is None else report(connection, session.id)
     if newest is not None and newest.body == body:
         kept = newest
     else:
