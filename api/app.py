@@ -13,6 +13,7 @@ import structlog
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import RedirectResponse
+from fastapi.routing import APIRoute
 from fastapi.staticfiles import StaticFiles
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
@@ -22,6 +23,7 @@ from api import background, pages, routes
 from api.answers import problem_answer
 from api.middleware import Envelope
 from api.problems import (
+    BadRequestError,
     InvalidError,
     NotAllowedError,
     NotFoundError,
@@ -37,6 +39,7 @@ from api.store import schema
 
 log = structlog.get_logger(__name__)
 
+_ROUTERS = (*routes.ROUTERS, *pages.ROUTERS)
 _STATIC = Path(__file__).parent / "static"
 _DESCRIPTION = """
 Recorded inhaler sessions in, attitude, phases, measures and technique mistakes out; reviewed by people.
@@ -80,7 +83,7 @@ def create_app(settings: ServiceSettings) -> FastAPI:
     app.add_exception_handler(ProblemError, _on_problem)
     app.add_exception_handler(RequestValidationError, _on_invalid)
     app.add_exception_handler(HTTPException, _on_http)
-    for router in (*routes.ROUTERS, *pages.ROUTERS):
+    for router in _ROUTERS:
         app.include_router(router)
     app.mount("/static", _Static(directory=_STATIC), name="static")
     return app
@@ -133,9 +136,20 @@ async def _on_http(request: Request, error: Exception) -> Response:
     headers = dict(error.headers or {}) if isinstance(error, HTTPException) else {}
     if status == 404:
         return _answer(request, NotFoundError("There is nothing at this address."))
-    kind = NotAllowedError if status == 403 else ProblemError
+    if status == 405:  # the framework names the methods of the first route alone
+        headers["allow"] = ", ".join(sorted(_methods(request.url.path)))
+    kind = _KINDS.get(status, ProblemError)
     problem = kind(str(getattr(error, "detail", "")), headers=headers)
     problem.status = status
-    if status < 500:
+    if kind is ProblemError and status < 500:
         problem.kind, problem.title = f"http-{status}", "The request cannot be answered as it is"
     return _answer(request, problem)
+
+
+_KINDS = {400: BadRequestError, 403: NotAllowedError}
+
+
+def _methods(path: str) -> set[str]:
+    """What can be done at a path."""
+    every = (route for router in _ROUTERS for route in router.routes if isinstance(route, APIRoute))
+    return {method for route in every if route.path_regex.match(path) for method in route.methods or ()}

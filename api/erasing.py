@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from api.service import Service
-from api.store import sessions
+from api.store import chores, sessions
 from api.store.sessions import Session
 
 
 def erase(service: Service, session: Session, actor: str, *, reason: str) -> None:
     """Erase a session. The files go after the rows; a crash in between is made good at the next start."""
     with service.store.write() as connection:
+        chores.forget_answers(connection, session.id)
         sessions.erase(connection, session)
         service.audit.record(connection, session.clinic_id, actor, "session.erased", session.id, reason=reason)
     finish(service)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
@@ -16,7 +17,6 @@ from api.store import chores
 
 _MAX_LENGTH = 200
 _KEPT_HEADERS = ("location", "etag", "content-type")
-_KEPT_BYTES = 1024 * 1024
 
 
 class Once:
@@ -26,9 +26,9 @@ class Once:
         if (before := await once.begin()) is not None:
             return before
         async with once:
-            return await once.finish(answer, session_id=...)
+            return await once.finish(answer, session_ids=...)
 
-    A request that fails gives its key back, so that it can be sent again.
+    A request that fails, or that told of no session, gives its key back, so that it can be sent again.
     """
 
     def __init__(self, service: Service, who: Principal, request: Request, fingerprint: str) -> None:
@@ -63,21 +63,21 @@ class Once:
         with self._service.store.write() as connection:
             return chores.claim_key(connection, self._actor_id, key, self._fingerprint)
 
-    async def finish(self, answer: Response, *, session_id: str | None) -> Response:
-        """Remember the answer and hand it on."""
-        if self._key is not None and len(answer.body) <= _KEPT_BYTES and session_id is not None:
-            await run_in_threadpool(self._keep, self._key, answer, session_id)
+    async def finish(self, answer: Response, *, session_ids: Sequence[str]) -> Response:
+        """Remember the answer, which tells of these sessions, and hand it on."""
+        if self._key is not None and session_ids:
+            await run_in_threadpool(self._keep, self._key, answer, session_ids)
             self._is_finished = True
         return answer
 
-    def _keep(self, key: str, answer: Response, session_id: str) -> None:
+    def _keep(self, key: str, answer: Response, session_ids: Sequence[str]) -> None:
         headers = {name: answer.headers[name] for name in _KEPT_HEADERS if name in answer.headers}
         with self._service.store.write() as connection:
             chores.keep_answer(
                 connection,
                 self._actor_id,
                 key,
-                session_id=session_id,
+                session_ids=session_ids,
                 status=answer.status_code,
                 headers=orjson.dumps(headers),
                 body=bytes(answer.body),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import BaseModel, ConfigDict, Field, StrictBool, StringConstraints
 
 from api.principal import Role, Scope
 from api.store.reviews import ReviewKind
@@ -300,8 +300,8 @@ class UserIn(_In):
 
 
 class UserChange(_In):
-    is_active: bool | None = None
-    reset_password: bool = False
+    is_active: StrictBool | None = None
+    reset_password: StrictBool = False
 
 
 class UserOut(_Out):

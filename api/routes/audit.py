@@ -14,7 +14,7 @@ from api.store import audit
 router = APIRouter(prefix="/v1/audit", tags=["audit"])
 
 
-@router.get("", summary="Entries, newest first", responses=dict(problems(400, 404)))
+@router.get("", summary="Entries, newest first", responses=dict(problems(404)))
 def list_audit(
     service: ServiceDep, who: Administrator, clinic: ClinicQuery = None, cursor: Cursor = None, limit: Limit = 50
 ) -> AuditPage:

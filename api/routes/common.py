@@ -33,8 +33,8 @@ _TOLD = {
 
 
 def problems(*statuses: int) -> Mapping[int | str, dict[str, Any]]:
-    """The problems an endpoint may answer with, for its OpenAPI entry; everybody's 401, 403, 422 and 429 included."""
-    wanted = sorted({401, 403, 422, 429, *statuses})
+    """The problems an endpoint may answer with, for its OpenAPI entry, with those of every endpoint."""
+    wanted = sorted({400, 401, 403, 422, 429, *statuses})
     content = {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}}
     return {status: {"description": _TOLD[status], "content": content} for status in wanted}
 

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import re
 from datetime import UTC, datetime
 from typing import Annotated, Literal
 
 from fastapi import Depends, Query
+from pydantic import BeforeValidator
 
 from api.moments import from_iso
 from api.store.sessions import Filter, State
 from inhalemon.values import DeviceKind, Grade, Verdict
+
+
+def _as_written(given: object) -> object:
+    """Refuses a bare number: pydantic takes it for seconds or milliseconds since 1970, whichever looks likelier."""
+    if isinstance(given, str) and not re.match(r"\d{4}-\d\d-\d\d", given):
+        raise ValueError("expected ISO 8601, such as 2026-11-20T08:30:00Z")
+    return given
+
+
+_Moment = Annotated[datetime, BeforeValidator(_as_written)]
 
 
 async def _filter(
@@ -20,8 +32,8 @@ async def _filter(
     rule: Annotated[str | None, Query(max_length=64, description="a rule that has the verdict given, or any")] = None,
     verdict: Verdict | None = None,
     reviewed: Annotated[bool | None, Query(description="signed off, or not")] = None,
-    since: Annotated[datetime | None, Query(description="recorded (or else uploaded) at or after")] = None,
-    until: Annotated[datetime | None, Query(description="before")] = None,
+    since: Annotated[_Moment | None, Query(description="recorded (or else uploaded) at or after")] = None,
+    until: Annotated[_Moment | None, Query(description="before")] = None,
 ) -> Filter:
     return Filter(
         patient_ref=patient,

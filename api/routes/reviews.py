@@ -70,7 +70,7 @@ async def add_review(
             status_code=201,
             headers={"etag": f'"{session.n_reviews}"', "location": f"/v1/sessions/{session.id}/reviews"},
         )
-        return await once.finish(answer, session_id=session.id)
+        return await once.finish(answer, session_ids=[session.id])
 
 
 # ------------------------------------------------------------------------------------------ queue

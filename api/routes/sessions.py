@@ -34,7 +34,7 @@ _MEDIA_TYPES = {
 }
 
 
-@router.get("", summary="Sessions, filtered and ordered, a page at a time", responses=dict(problems(400, 404)))
+@router.get("", summary="Sessions, filtered and ordered, a page at a time", responses=dict(problems(404)))
 def list_sessions(
     service: ServiceDep,
     who: Reader,
@@ -171,7 +171,7 @@ async def score_again(request: Request, service: ServiceDep, who: Corrector, ses
         _, report = await scorer.score(session, who.actor)
         location = f"/v1/sessions/{session.id}/report?version={report.version}"
         answer = Response(report.body, 201, {"location": location}, "application/json")
-        return await once.finish(answer, session_id=session.id)
+        return await once.finish(answer, session_ids=[session.id])
 
 
 @router.get(

@@ -65,7 +65,7 @@ _BODY: dict[str, Any] = {
     summary="Upload a recording, or several, and have it scored",
     openapi_extra=_BODY,
     responses={
-        **problems(400, 404, 408, 409, 413, 415, 500, 503, 507),
+        **problems(404, 408, 409, 413, 415, 500, 503, 507),
         200: {"model": SessionDetail, "description": "This clinic already had these bytes"},
         201: {"model": SessionDetail, "description": "Stored and scored"},
         207: {"model": UploadItems, "description": "Several files: one answer each"},
@@ -90,7 +90,7 @@ async def upload_session(request: Request, service: ServiceDep, who: Uploader, c
                 ),
                 return_exceptions=True,
             )
-            return await once.finish(_answer(request, upload, outcomes), session_id=_only_session(outcomes))
+            return await once.finish(_answer(request, upload, outcomes), session_ids=_told_for_good(outcomes))
 
 
 def _answer(request: Request, upload: Upload, outcomes: Sequence[intake.Taken | BaseException]) -> Response:
@@ -123,9 +123,11 @@ def _location(taken: intake.Taken) -> str:
     return f"/v1/sessions/{taken.session.id}"
 
 
-def _only_session(outcomes: Sequence[intake.Taken | BaseException]) -> str | None:
-    taken = [each.session.id for each in outcomes if isinstance(each, intake.Taken)]
-    return taken[0] if len(taken) == 1 else None
+def _told_for_good(outcomes: Sequence[intake.Taken | BaseException]) -> list[str]:
+    """The sessions of an answer that may be repeated; none while something in it is worth another try."""
+    if any(isinstance(each, ProblemError) and each.status >= 500 for each in outcomes):
+        return []
+    return [each.session.id for each in outcomes if isinstance(each, intake.Taken)]
 
 
 def _fingerprint(upload: Upload, metadata: Sequence[intake.Metadata]) -> str:

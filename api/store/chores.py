@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sqlalchemy import Connection, bindparam, delete, select, update
+from sqlalchemy import Connection, bindparam, delete, exists, select, update
 
 from api.moments import DAY_US, SECOND_US, new_id, now_us
 from api.problems import NotFoundError
 from api.store.engine import insert_new, insert_or_replace
-from api.store.tables import deliveries, heartbeat, idempotency, webhooks
+from api.store.tables import deliveries, heartbeat, idempotency, idempotency_sessions, webhooks
 
 _KEY_LIFE_US = DAY_US
 _UNFINISHED_LIFE_US = 600 * SECOND_US
@@ -53,17 +53,27 @@ def claim_key(connection: Connection, actor_id: str, key: str, fingerprint: str)
 
 
 def keep_answer(
-    connection: Connection, actor_id: str, key: str, *, session_id: str | None, status: int, headers: bytes, body: bytes
+    connection: Connection,
+    actor_id: str,
+    key: str,
+    *,
+    session_ids: Sequence[str],
+    status: int,
+    headers: bytes,
+    body: bytes,
 ) -> None:
-    """Remember the answer; it goes when its session is erased."""
+    """Remember an answer about these sessions, of which there is at least one."""
     condition = (idempotency.c.actor_id == actor_id) & (idempotency.c.key == key)
-    values = {"session_id": session_id, "status": status, "headers": headers, "body": body}
-    connection.execute(update(idempotency).where(condition).values(values))
+    connection.execute(update(idempotency).where(condition).values(status=status, headers=headers, body=body))
+    rows = [{"actor_id": actor_id, "key": key, "session_id": each} for each in sorted(set(session_ids))]
+    connection.execute(idempotency_sessions.insert(), rows)
 
 
 def forget_answers(connection: Connection, session_id: str) -> None:
-    """Forget what was answered about a session: it is no longer so."""
-    connection.execute(delete(idempotency).where(idempotency.c.session_id == session_id))
+    """Forget what was answered about a session, which is no longer so or about to be erased."""
+    told = idempotency_sessions.c
+    its_own = (told.actor_id == idempotency.c.actor_id) & (told.key == idempotency.c.key)
+    connection.execute(delete(idempotency).where(exists().where(its_own, told.session_id == session_id)))
 
 
 def release_key(connection: Connection, actor_id: str, key: str) -> None:

@@ -11,6 +11,7 @@ from sqlalchemy import (
     Column,
     Float,
     ForeignKey,
+    ForeignKeyConstraint,
     Index,
     Integer,
     LargeBinary,
@@ -220,10 +221,19 @@ idempotency = Table(
     Column("key", Text, primary_key=True),
     Column("fingerprint", Text, nullable=False),
     Column("created_at_us", BigInteger, nullable=False, index=True),
-    _owned("session_id", "sessions.id", nullable=True, index=True),
     Column("status", Integer),  # none while the first request is under way
     Column("headers", LargeBinary),
     Column("body", LargeBinary),
+)
+
+# An answer goes when one of the sessions that it tells of is erased or corrected.
+idempotency_sessions = Table(
+    "idempotency_sessions",
+    metadata,
+    Column("actor_id", Text, primary_key=True),
+    Column("key", Text, primary_key=True),
+    _owned("session_id", "sessions.id", primary_key=True, index=True),
+    ForeignKeyConstraint(["actor_id", "key"], ["idempotency.actor_id", "idempotency.key"], ondelete="CASCADE"),
 )
 
 erasures = Table(

@@ -116,6 +116,29 @@ def test_a_key_for_once_repeats_the_first_answer(clinic, recording):
     assert (other.status_code, other.json()["code"]) == (422, "idempotency_key_reused")
 
 
+def test_a_key_for_once_covers_several_files_until_one_of_them_is_erased(clinic, recording):
+    def send_three():
+        files = [
+            ("recording", ("a.csv", recording(seed=40), "text/csv")),
+            ("recording", ("b.csv", b"sensor,time_s\nbody,0\n", "text/csv")),
+            ("recording", ("c.csv", recording(seed=41), "text/csv")),
+        ]
+        headers = {"idempotency-key": "upload-of-three"}
+        return clinic.client("administrator").post(
+            "/v1/sessions", files=files, params={"device": "pmdi"}, headers=headers
+        )
+
+    first, again = send_three(), send_three()
+    assert [each["status"] for each in first.json()["items"]] == [201, 422, 201]
+    assert (again.status_code, again.json()) == (207, first.json())
+    assert again.headers["idempotency-replayed"] == "true"
+    erased = first.json()["items"][2]["location"]
+    assert clinic.client("administrator").delete(erased).status_code == 204
+    afresh = send_three()
+    assert "idempotency-replayed" not in afresh.headers
+    assert [each["status"] for each in afresh.json()["items"]] == [200, 422, 201]
+
+
 @pytest.mark.parametrize(
     ("headers", "content", "status"),
     [
