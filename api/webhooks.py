@@ -36,7 +36,9 @@ def check_url(url: str, settings: ServiceSettings) -> None:
     parts = urlsplit(url)
     host = (parts.hostname or "").lower()
     if host not in settings.webhook_hosts:
-        raise InvalidError(f"Webhooks to {host or url!r} are not allowed; the operator names hosts in WEBHOOK_HOSTS.")
+        raise InvalidError(
+            f"Webhooks to {host or url!r} are not allowed; the operator names hosts in INHALEMON_WEBHOOK_HOSTS."
+        )
     is_local = host in {"localhost", "127.0.0.1", "::1"}
     if parts.scheme != "https" and not (parts.scheme == "http" and is_local):
         raise InvalidError("A webhook's URL begins with https://.")

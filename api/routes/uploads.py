@@ -36,7 +36,7 @@ _BODY: dict[str, Any] = {
                     "type": "object",
                     "required": ["recording"],
                     "properties": {
-                        "recording": {"type": "array", "items": {"type": "string", "format": "binary"}},
+                        "recording": {"type": "array", "minItems": 1, "items": {"type": "string", "format": "binary"}},
                         "metadata": _METADATA,
                     },
                 },
