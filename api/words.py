@@ -8,6 +8,7 @@ verdict, with `{value}` and `{limit}`). What a catalogue lacks is said in Englis
 from __future__ import annotations
 
 import functools
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TypedDict
@@ -19,6 +20,7 @@ from inhalemon.values import Verdict
 
 LANGUAGES: Final = {"en": "English", "ja": "日本語"}
 _FOLDER: Final = Path(__file__).parent / "locale"
+_NUMBER: Final = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?")
 _UNITS: Final = {"en": {"s": " s", "deg": "°", "count": ""}, "ja": {"s": " 秒", "deg": "°", "count": ""}}
 
 
@@ -66,6 +68,12 @@ class Words:
 
     def _with_unit(self, digits: str, unit: str | None) -> str:
         return digits.replace("-", "−") + _UNITS[self.language].get(unit or "", "")
+
+    def flag(self, code: str, detail: str) -> str | None:
+        """A flag's detail by its code, with the numbers of the report's own in their order; `None`: in English only."""
+        said = self.names("flag_detail").get(code)
+        numbers = _NUMBER.findall(detail)
+        return None if said is None or said.count("{") != len(numbers) else said.format(*numbers).replace("-", "−")
 
     def reason(self, reason: str | None) -> str:
         """Why something could not be had; `implied_by:no_press` names the rule."""

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from api import problems, rendering
@@ -14,9 +17,21 @@ from api.store.reviews import ReviewKind
 from api.store.sessions import Order, State
 from api.words import Words, catalogue, preferred
 from inhalemon.measures import MEASURES
+from inhalemon.pipeline import score_recording
 from inhalemon.report.words import DISCLAIMER, INFERRED
 from inhalemon.rules import load_rules
-from inhalemon.values import DeviceKind, EventKind, Grade, PhaseKind, SensorName, Severity, Verdict
+from inhalemon.simulate import simulate_session
+from inhalemon.values import (
+    DeviceKind,
+    EventKind,
+    Grade,
+    ImuTrack,
+    PhaseKind,
+    Recording,
+    SensorName,
+    Severity,
+    Verdict,
+)
 
 API = Path(__file__).parents[1] / "api"
 RULES = load_rules("default").rules
@@ -107,3 +122,45 @@ def test_every_verdict_of_every_rule_can_be_told_in_japanese() -> None:
 )
 def test_language_is_the_chosen_one_or_the_first_accepted(cookie: str | None, accepted: str, language: str) -> None:
     assert preferred(cookie, accepted) == language
+
+
+def _kept(track: ImuTrack, is_kept: np.ndarray) -> ImuTrack:
+    return ImuTrack(track.time_s[is_kept], track.acc_m_s2[is_kept], track.gyr_rad_s[is_kept])
+
+
+def _spoilt(recording: Recording) -> Iterator[Recording]:
+    """The recording with one or another thing doubtful about it."""
+    body, lever = recording.body, recording.lever
+    n, middle = np.arange(body.n_samples), body.n_samples // 2
+    is_fast, is_pushed = (np.abs(body.gyr_rad_s) > 1.0).any(axis=1), (np.abs(body.acc_m_s2) > 12.0).any(axis=1)
+    turned = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    for other in (
+        _kept(body, np.abs(n - middle) > 20),
+        _kept(body, (n < middle) | (n % 2 == 0)),
+        _kept(body, (body.time_s > 4.0) & (body.time_s < body.time_s[-1] - 8.0)),
+        replace(body, is_gyr_saturated=is_fast, is_acc_saturated=is_pushed),
+        replace(body, acc_m_s2=1.1 * body.acc_m_s2),
+    ):
+        yield replace(recording, body=other)
+    for other in (
+        _kept(lever, lever.time_s < lever.time_s[-1] / 2),
+        replace(lever, gyr_rad_s=np.full_like(lever.gyr_rad_s, 0.25)),
+        replace(lever, time_s=1.0006 * lever.time_s + 0.4),
+        replace(lever, acc_m_s2=lever.acc_m_s2 @ turned, gyr_rad_s=lever.gyr_rad_s @ turned),
+    ):
+        yield replace(recording, lever=other)
+
+
+def test_what_is_doubtful_about_a_recording_is_told_with_its_numbers_in_japanese() -> None:
+    recording, _ = simulate_session("pmdi", seed=2, rate_hz=50.0)
+    seen = set()
+    for spoilt in _spoilt(recording):
+        for flag in score_recording(spoilt).quality.flags:
+            seen.add(flag.code)
+            told = Words("ja").flag(flag.code, flag.detail)
+            assert told is not None, flag
+            assert re.findall(r"\d[\d.]*", told.replace("²", "")) or flag.code == "clock_unknown", told
+            assert Words("en").flag(flag.code, flag.detail) is None, "the report's own words are English"
+    assert seen >= catalogue("ja")["names"]["flag"].keys() - {"angle_unsure", "hinge_axis_off"}
+    assert catalogue("ja")["names"]["flag_detail"].keys() == catalogue("ja")["names"]["flag"].keys()
+    assert Words("ja").flag("gap", "a wording with one number: 3") is None
