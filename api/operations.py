@@ -36,7 +36,7 @@ def opened(settings: ServiceSettings) -> Iterator[Service]:
 @contextlib.contextmanager
 def serving_alone(data_dir: Path) -> Iterator[None]:
     """Hold the data folder for one serving process. Raises `ConfigurationError` when another one has it."""
-    data_dir.mkdir(parents=True, exist_ok=True)
+    data_dir.mkdir(mode=0o700, parents=True, exist_ok=True)
     handle = os.open(data_dir / "serving.lock", os.O_RDWR | os.O_CREAT, 0o600)
     try:
         try:

@@ -49,6 +49,11 @@ def test_a_key_stands_alone_on_the_last_line_and_works(tmp_path, database):
     assert answer.json()["role"] == "clinician"
 
 
+def test_nobody_else_can_look_into_a_new_data_folder(tmp_path):
+    with operations.serving_alone(tmp_path / "data"):
+        assert (tmp_path / "data").stat().st_mode & 0o077 == 0
+
+
 @pytest.mark.slow
 def test_a_backup_is_restored_elsewhere_whole(tmp_path, database, filled, recording):
     settings, key, session = filled
