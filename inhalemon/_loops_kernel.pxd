@@ -33,3 +33,7 @@ cpdef Py_ssize_t turning_points(const double[::1] values, double least, Py_ssize
 cpdef void integrate(
     const double[::1] time_s, const double[:, ::1] values, Py_ssize_t n_columns, const double[::1] at_s,
     double[::1] total, double[:, ::1] found)
+
+@cython.locals(n=cython.Py_ssize_t, k=cython.Py_ssize_t, i=cython.Py_ssize_t)
+cpdef void moving_means(
+    const double[:, ::1] values, Py_ssize_t before, Py_ssize_t after, double[::1] sums, double[:, ::1] means)

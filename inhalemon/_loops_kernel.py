@@ -165,3 +165,23 @@ def integrate(
             found[k, i] = total[k]
             if since > 0.0:
                 found[k, i] += (values[j + 1, k] + values[j, k]) / 2.0 * since
+
+
+def moving_means(
+    values: memoryview[float], before: int, after: int, sums: memoryview[float], means: memoryview[float]
+) -> None:
+    """Means of each row of `values` (k, n) over `before` samples and `after` from each on, or what is there of them.
+
+    `sums` (n + 1,) is used on the way.
+    """
+    n = len(sums) - 1
+    sums[0] = 0.0
+    for k in range(len(values)):
+        for i in range(n):
+            sums[i + 1] = sums[i] + values[k, i]
+        for i in range(min(before, n)):
+            means[k, i] = sums[min(i + after, n)] / min(i + after, n)
+        for i in range(before, n - after):
+            means[k, i] = (sums[i + after] - sums[i - before]) / (before + after)
+        for i in range(max(n - after, before), n):
+            means[k, i] = (sums[n] - sums[i - before]) / (n - i + before)

@@ -98,6 +98,13 @@ def about_z(angle_rad: FloatArray) -> FloatArray:
     return from_components(np.cos(half), zero, zero, np.sin(half))
 
 
+def turned_about_z(angle_rad: FloatArray, q: FloatArray) -> FloatArray:
+    """`multiply(about_z(angle_rad), q)`, without the zeros."""
+    cosine, sine = np.cos(np.asarray(angle_rad) / 2), np.sin(np.asarray(angle_rad) / 2)
+    w, x, y, z = components(q)
+    return from_components(cosine * w - sine * z, cosine * x - sine * y, cosine * y + sine * x, cosine * z + sine * w)
+
+
 def slerp(p: FloatArray, q: FloatArray, share: FloatArray) -> FloatArray:
     """The rotation `share` of the shorter way from p to q; shapes (n, 4), (n, 4), (n,)."""
     p, q = components(p), components(q)

@@ -36,20 +36,12 @@ def memory(values: FloatArray) -> memoryview[float]:
 
 def moving_mean(values: FloatArray, width: int) -> FloatArray:
     """Mean over a centred window of `width` samples; at the ends over what is there. Shape as given."""
-    columns = values.T  # time last: each column's sums in one stretch of memory
+    rows = np.ascontiguousarray(np.atleast_2d(values.T))
     n = values.shape[0]
     before, after = min(width // 2, n), min(width - width // 2, n)
-    sums = np.zeros((*columns.shape[:-1], n + 1))
-    np.cumsum(columns, axis=-1, out=sums[..., 1:])
-    means = np.empty(columns.shape)
-    means[..., : n - after] = sums[..., after:n]
-    means[..., n - after :] = sums[..., n:]
-    means[..., before:] -= sums[..., : n - before]
-    lengths = np.full(n, float(before + after))
-    lengths[:before] -= np.arange(before, 0, -1)  # the part of the window before the start ...
-    lengths[n - after + 1 :] -= np.arange(1, after)  # ... and beyond the end
-    means /= lengths
-    return means.T
+    means = np.empty(rows.shape)
+    kernel.moving_means(memory(rows), before, after, memory(np.empty(n + 1)), memory(means))
+    return means.T if values.ndim > 1 else means[0]
 
 
 def means_between(time_s: FloatArray, values: FloatArray, edges_s: FloatArray) -> FloatArray:

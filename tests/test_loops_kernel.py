@@ -164,3 +164,8 @@ def test_compiled_loops_equal_their_python_form_to_the_bit():
     at = np.sort(rng.uniform(-0.1, 3.5, 200))
     samples = rng.standard_normal((300, 3))
     np.testing.assert_array_equal(*(integrals(k, time_s, samples, at) for k in (compiled, as_python())))
+    rows, sums = np.ascontiguousarray(samples.T), np.empty(301)
+    both = [np.empty((3, 300)) for _ in range(2)]
+    for means, kernel in zip(both, (compiled, as_python()), strict=True):
+        kernel.moving_means(rows.data, 20, 25, sums.data, means.data)
+    np.testing.assert_array_equal(*both)

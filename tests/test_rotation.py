@@ -98,3 +98,9 @@ def test_interpolation_goes_a_share_of_the_shorter_way(p, turn, share, sign):
     there = rotation.slerp(p[None], q[None], np.array([share]))[0]
     wanted = rotation.multiply(p, rotation.from_rotation_vector(share * turn))
     assert rotation.angle_between(there, wanted) < 1e-7
+
+
+@given(quaternions, st.floats(-7.0, 7.0))
+def test_turning_about_the_vertical_is_a_product(q, angle_rad):
+    turned = rotation.multiply(rotation.about_z(angle_rad), q)
+    np.testing.assert_allclose(rotation.turned_about_z(angle_rad, q), turned, atol=1e-15)

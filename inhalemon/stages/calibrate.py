@@ -7,7 +7,14 @@ import itertools
 import numpy as np
 
 from inhalemon.hinge import Axes, Blocks, fit_axes, heading_difference
-from inhalemon.rotation import about_z, conjugate, from_rotation_vector, from_two_vectors, multiply, split_twist
+from inhalemon.rotation import (
+    conjugate,
+    from_rotation_vector,
+    from_two_vectors,
+    multiply,
+    split_twist,
+    turned_about_z,
+)
 from inhalemon.settings import LeverSettings
 from inhalemon.signals import quantile
 from inhalemon.values import AttitudeTrack, Calibration, FloatArray, IntArray
@@ -102,7 +109,7 @@ def _shut(
     Shut is the smallest angle that the lever keeps for a while and that mounting alone can explain. Where there is none
     (always open, or never still), it is `q_aligned`, the frames' own zero, and the deviation says that it was not seen.
     """
-    q_body_lever = multiply(conjugate(body.q[at]), multiply(about_z(heading_rad), lever.q[at]))
+    q_body_lever = multiply(conjugate(body.q[at]), turned_about_z(heading_rad, lever.q[at]))
     twist, _ = split_twist(multiply(q_body_lever, conjugate(q_aligned)), axis_body)
     change = np.abs(np.diff(twist, prepend=twist[0]))
     is_kept = (change < settings.max_shut_change_rad) & (np.roll(change, -1) < settings.max_shut_change_rad)

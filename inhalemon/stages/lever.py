@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from inhalemon.rotation import about_z, conjugate, multiply, split_twist, up_in
+from inhalemon.rotation import conjugate, multiply, split_twist, turned_about_z, up_in
 from inhalemon.values import AttitudeTrack, Calibration, LeverTrack
 
 
@@ -21,7 +21,7 @@ def lever_angle(body: AttitudeTrack, lever: AttitudeTrack, calibration: Calibrat
 
     Source of the split: Dobrowolski (2015), arXiv:1506.05481.
     """
-    q_lever = multiply(about_z(calibration.heading_rad), lever.q)
+    q_lever = turned_about_z(calibration.heading_rad, lever.q)
     q_body_lever = multiply(conjugate(body.q), q_lever)
     q_opened = multiply(q_body_lever, conjugate(calibration.q_shut))
     twist, off_axis = split_twist(q_opened, calibration.axis_body)
