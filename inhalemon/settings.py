@@ -319,6 +319,7 @@ class MeasureSettings:
     sd_exhale_pause_s: float = 0.09
     sd_breath_hold_s: float = 0.06  # where a movement shows the breath let out
     sd_breath_unseen_s: float = 0.2  # where only the next movement ends it
+    max_removal_s: float = 1.4  # of the device from the mouth, in one movement
     sd_shake_s: float = 0.06
     sd_shake_cycles: float = 0.2  # strokes that hardly reach 0.6 g, at either end
     sd_inverted_s: float = 0.02

@@ -172,12 +172,16 @@ def _exhale_pause(dose: _Dose) -> Measure:
 def _breath_hold(dose: _Dose, end_s: float) -> Measure:
     s = dose.settings
     hold = next((p for p in dose.phases if p.kind is PhaseKind.BREATH_HOLD and p.start_s >= end_s - 0.2), None)
-    if hold is None:
-        return Measure(0.0, s.sd_breath_hold_s, None, end_s, end_s)
-    if hold.end_s >= dose.motion.time_s[-1] - 0.1:
+    if hold is not None and hold.end_s >= dose.motion.time_s[-1] - 0.1:
         return Measure(None, reason="recording_ended_before")
-    is_seen = any(p.kind is PhaseKind.EXHALE_AFTER and abs(p.start_s - hold.end_s) < 0.1 for p in dose.phases)
-    return Measure(hold.end_s - end_s, s.sd_breath_hold_s if is_seen else s.sd_breath_unseen_s, None, end_s, hold.end_s)
+    hold_end_s = hold.end_s if hold else end_s
+    is_seen = any(p.kind is PhaseKind.EXHALE_AFTER and abs(p.start_s - hold_end_s) < 0.1 for p in dose.phases)
+    sd = s.sd_breath_hold_s if is_seen else s.sd_breath_unseen_s
+    is_still = dose.motion.activity[dose.samples(end_s, dose.span[1])] < 1.0
+    moved_s = float(np.argmax(is_still) if is_still.any() else is_still.size) * dose.motion.step_s
+    if moved_s > s.max_removal_s:  # too long to be one movement: the breath may have been let out anywhere in it
+        sd = math.hypot(sd, moved_s / math.sqrt(12.0))
+    return Measure(hold_end_s - end_s, sd, None, end_s, hold_end_s)
 
 
 def _order_violations(dose: _Dose) -> Measure:
