@@ -139,12 +139,12 @@ def _presses(
         lasts_s = (rise.stop - rise.begin) * motion.step_s
         if rise.rise_rad <= 0 or lasts_s > settings.max_press_rise_s:
             continue
-        fall = next((stroke for stroke in strokes[k + 1 :] if stroke.rise_rad < 0), None)
-        if fall is None or -fall.rise_rad < settings.min_release * rise.rise_rad:
-            # A lever comes back by itself; only the recording's end can hide it.
-            fall = None
-            if motion.time_s[-1] - motion.time_s[rise.stop] > settings.max_held_s:
-                continue
+        # A gap or a bump may let the angle sink a little before the lever comes back.
+        back_rad = rise.to_rad - settings.min_release * rise.rise_rad
+        fall = next((s for s in strokes[k + 1 :] if s.rise_rad < 0 and s.to_rad <= back_rad), None)
+        # A lever comes back by itself; only the recording's end can hide it.
+        if fall is None and motion.time_s[-1] - motion.time_s[rise.stop] > settings.max_held_s:
+            continue
         release = fall.begin if fall is not None else motion.time_s.size - 1
         end = fall.stop if fall is not None else motion.time_s.size - 1
         held = motion.lever_rad[rise.stop : max(min(release, rise.stop + round(0.3 * motion.rate_hz)), rise.stop + 1)]
