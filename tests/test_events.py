@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from motions import scored, still, with_lever, with_pulses
+from motions import least_jerk, scored, still, with_lever, with_pulses
 
 import inhalemon as im
 from inhalemon.devices import load_device
@@ -74,6 +74,18 @@ def test_trembling_of_the_angle_while_shaking_is_no_press():
     assert find_events(with_lever(motion, tremble), (shake,), PMDI) == ()
 
 
+def test_an_angle_that_sinks_while_the_lever_is_held_is_no_release():
+    """By 1.6 deg, as across a gap in the samples."""
+    motion = with_pulses(still(6.0), (2.0, 0.2, 1.2, 0.2, rad(12.0)))
+    (press,) = find_events(with_lever(motion, motion.lever_rad - rad(1.6) * sunk(motion.time_s, 2.7, 3.4)), (), PMDI)
+    assert press.end_s == pytest.approx(3.6, abs=0.06)
+    assert press.angle_deg == pytest.approx(12.0, abs=0.3)
+
+
+def sunk(time_s, from_s, to_s):
+    return least_jerk(time_s, from_s, 0.1) - least_jerk(time_s, to_s, 0.2)
+
+
 def test_a_press_that_the_recording_does_not_see_released_is_a_press():
     motion = with_pulses(still(4.0), (3.0, 0.2, 5.0, 0.2, rad(12.0)))
     (press,) = find_events(motion, (), PMDI)
@@ -82,14 +94,23 @@ def test_a_press_that_the_recording_does_not_see_released_is_a_press():
 
 @pytest.mark.parametrize("largest_deg", [50.0, 95.0])
 def test_a_cover_opens_and_shuts(largest_deg):
-    """Times within a tenth of the stroke's own, the angle within a hundredth: the last of it is slower than drift."""
+    """Begun to 20 ms, two samples; stopped to a fifth of the stroke's time, whose last part is slower than drift."""
     motion = with_pulses(still(10.0), (2.0, 0.8, 3.0, 0.9, rad(largest_deg)))
     opened, shut = find_events(motion, (), ELLIPTA)
     assert (opened.kind, shut.kind) == (EventKind.OPEN, EventKind.CLOSE)
-    assert opened.start_s == pytest.approx(2.0, abs=0.08)
+    assert opened.start_s == pytest.approx(2.0, abs=0.02)
     assert opened.peak_s == pytest.approx(2.8, abs=0.16)
     assert opened.angle_deg == pytest.approx(largest_deg, rel=0.01)
-    assert shut.start_s == pytest.approx(5.8, abs=0.08)
+    assert shut.start_s == pytest.approx(5.8, abs=0.02)
+
+
+def test_a_cover_that_springs_back_from_its_end_stop_has_opened_when_it_rests():
+    motion = with_pulses(still(10.0), (2.0, 0.8, 4.0, 0.9, rad(95.0)))
+    sprung = with_lever(motion, motion.lever_rad - rad(4.0) * sunk(motion.time_s, 2.85, 6.8))
+    opened, _ = find_events(sprung, (), ELLIPTA)
+    assert opened.peak_s == pytest.approx(2.8, abs=0.1)
+    assert opened.end_s == pytest.approx(2.95, abs=0.06)
+    assert opened.angle_deg == pytest.approx(95.0, rel=0.01)
 
 
 def test_a_plain_hinge_has_no_events():

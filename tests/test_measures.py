@@ -115,6 +115,17 @@ def test_no_hold_after_the_inhalation_is_a_hold_of_nothing():
     assert measured(phases=phases)["breath_hold_s"].value == 0.0
 
 
+def test_a_breath_whose_end_no_stillness_shows_is_less_sure():
+    motion = still(30.0)
+    moving = replace(motion, activity=np.where((motion.time_s > 13.5) & (motion.time_s < 16.0), 5.0, 0.0))
+    assert measured(moving)["breath_hold_s"].sd > 0.5 > measured()["breath_hold_s"].sd
+
+
+def test_of_presses_that_cannot_be_told_apart_the_first_is_the_largest():
+    assert measured(events=(press(10.3, 12.0), press(11.5, 12.3)))["press_angle_deg"].start_s == pytest.approx(10.3)
+    assert measured(events=(press(10.3, 12.0), press(11.5, 13.5)))["press_angle_deg"].start_s == pytest.approx(11.5)
+
+
 @pytest.mark.parametrize(("length_s", "is_told"), [(0.2, True), (0.8, False)])
 def test_a_measure_over_a_gap_is_given_only_when_the_gap_is_short(length_s, is_told):
     motion = still(30.0)

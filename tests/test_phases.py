@@ -130,6 +130,24 @@ def test_a_session_that_starts_in_the_hand_has_its_inhalation(device):
     assert first(report, PhaseKind.INHALE).start_s == pytest.approx(first(truth, PhaseKind.INHALE).start_s, abs=0.15)
 
 
+@pytest.mark.parametrize("device", DEVICES)
+def test_a_device_is_at_rest_when_the_hand_has_let_go(device):
+    """With the noisiest sensors at the highest rate; to 0.3 s, in which the table's bump dies away."""
+    report, truth = scored(device, seed=68, profile="harsh", rate_hz=200.0)
+    found, acted = report.phases[-1], truth.phases[-1]
+    assert found.kind is acted.kind is PhaseKind.REST
+    assert found.start_s == pytest.approx(acted.start_s, abs=0.3)
+
+
+@pytest.mark.parametrize(("device", "attack"), list(product(DEVICES, ["walking", "car"])))
+def test_the_inhalation_of_a_hand_that_is_never_still_is_found_by_its_turn(device, attack):
+    """To half a second: what a step or a road adds must be smoothed away."""
+    recording, truth = second_session(device, seed=69, attack=attack)
+    found, acted = first(im.score_recording(recording), PhaseKind.INHALE), first(truth, PhaseKind.INHALE)
+    assert found.start_s == pytest.approx(acted.start_s, abs=0.5)
+    assert found.end_s == pytest.approx(acted.end_s, abs=0.5)
+
+
 def test_a_gap_in_the_handling_leaves_the_steps_where_they_are():
     recording, truth = im.simulate_session("pmdi", seed=66)
     end_s = first(truth, PhaseKind.BREATH_HOLD).end_s + 1.0
