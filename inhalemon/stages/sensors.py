@@ -203,15 +203,15 @@ def _fitted(
     What the motion does not show stays where it was.
     """
     # A small turn s of the lever's frame changes the turned rate t by t x s: the normal equations are moments of t.
-    weighted = turned * weight[:, None]
-    moment = weighted.T @ turned
-    sum_x, sum_y, sum_z = weighted.sum(axis=0).tolist()
+    weighted = turned.T * weight
+    moment = weighted @ turned
+    sum_x, sum_y, sum_z = (turned.T @ weight).tolist()
     across = np.array([[0.0, -sum_z, sum_y], [sum_z, 0.0, -sum_x], [-sum_y, sum_x, 0.0]])
     normal = np.empty((6, 6))
     normal[:3, :3] = (moment.trace() + settings.sd_mounting_rad**-2) * _EYE - moment
     normal[:3, 3:], normal[3:, :3] = -across, across
     normal[3:, 3:] = (weight.sum() + settings.sd_gyr_bias_rad_s**-2) * _EYE
-    product = weighted.T @ misfit
+    product = weighted @ misfit
     turn = [product[2, 1] - product[1, 2], product[0, 2] - product[2, 0], product[1, 0] - product[0, 1]]
     step = np.linalg.solve(normal, np.concatenate([turn, weight @ misfit]))
     return multiply(q, from_rotation_vector(step[:3])), bias + step[3:]

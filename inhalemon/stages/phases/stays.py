@@ -60,10 +60,12 @@ def find_stays(
         rises = [_rise(signal, before, hold) for signal in (path.elevation_rad, path.turn_rad)]
         gain_rad, low, signal = max(rises, key=lambda rise: rise[0])
         is_tilted = settings.min_tilt_back_rad <= gain_rad <= settings.max_tilt_back_rad
+        lift_m = hold.height_m - float(quantile(path.height_m[barrier : low + 1], 0.5))
+        is_lifted = lasts_s >= settings.min_untilted_stay_s and lift_m > settings.min_lift_m
+        if not (is_tilted or is_lifted):
+            continue
         carried_in = _farthest(path, slice(barrier, low + 1), hold)
         carried_out = _farthest(path, slice(hold.end, hold.end + round(settings.leaving_s * rate)), hold)
-        earlier_m = float(quantile(path.height_m[barrier : low + 1], 0.5))
-        lift_m = hold.height_m - earlier_m
         is_lowered = lift_m < -settings.lowered_m
         gain = min(max(gain_rad, 0.0) / settings.usual_tilt_back_rad, 1.0)
         if path.has_place:
@@ -75,7 +77,7 @@ def find_stays(
         is_pressed = any(begin_s - 1.0 < press.start_s < end_s for press in presses)
         if is_tilted:
             likeness = max(gain + there + back + is_pressed, 0.0) / 4.0
-        elif min(there, back) > 0.5 and lasts_s >= settings.min_untilted_stay_s and lift_m > settings.min_lift_m:
+        elif min(there, back) > 0.5:
             likeness = 0.4 * (there + back)
         else:
             continue
