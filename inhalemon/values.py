@@ -82,9 +82,11 @@ class Grade(StrEnum):
 
 def usual_step_s(time_s: FloatArray) -> float:
     """The median step between at least two times, so that gaps do not count."""
-    # One sort is a third of numpy's own median.
-    ordered = np.sort(np.diff(time_s))
-    return float(ordered[(ordered.size - 1) // 2] + ordered[ordered.size // 2]) / 2.0
+    steps = np.diff(time_s)
+    middle = steps.size // 2
+    steps.partition(middle)  # a quarter of the time of numpy's own median
+    upper = float(steps[middle])
+    return upper if steps.size % 2 else (float(steps[:middle].max()) + upper) / 2.0
 
 
 @dataclass(frozen=True)  # without slots, so that the usual step is worked out once
