@@ -37,3 +37,8 @@ cpdef void integrate(
 @cython.locals(n=cython.Py_ssize_t, k=cython.Py_ssize_t, i=cython.Py_ssize_t)
 cpdef void moving_means(
     const double[:, ::1] values, Py_ssize_t before, Py_ssize_t after, double[::1] sums, double[:, ::1] means)
+
+@cython.locals(
+    last=cython.Py_ssize_t, i=cython.Py_ssize_t, j=cython.Py_ssize_t, k=cython.Py_ssize_t, at=double, slope=double)
+cpdef void straight(
+    const double[::1] time_s, const double[:, ::1] values, const double[::1] at_s, double[:, ::1] found)

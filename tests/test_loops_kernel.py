@@ -138,6 +138,24 @@ def test_integrals_are_those_of_the_straight_lines_at_the_samples_and_stay_beyon
     np.testing.assert_allclose(found, np.column_stack([[0.0, 0.0], between, wanted[:, -1]]), atol=1e-14)
 
 
+def straight(kernel, time_s, values, at):
+    found = np.empty((values.shape[0], at.size))
+    kernel.straight(time_s.data, values.data, at.data, found.data)
+    return found
+
+
+@FORMS
+def test_straight_lines_are_numpys_to_the_bit(kernel):
+    rng = np.random.default_rng(7)
+    time_s = np.cumsum(rng.uniform(0.005, 0.02, 60))
+    values = rng.standard_normal((2, 60))
+    at = rng.permutation(np.concatenate([rng.uniform(-0.1, 1.5, 100), time_s]))
+    found = straight(kernel, time_s, values, at)
+    np.testing.assert_array_equal(found, [np.interp(at, time_s, row) for row in values])
+    one = np.array([0.5])
+    np.testing.assert_array_equal(straight(kernel, one, values[:, :1].copy(), at)[0], values[0, 0])
+
+
 def test_compiled_loops_equal_their_python_form_to_the_bit():
     rng = np.random.default_rng(4)
     time_s = np.cumsum(rng.uniform(0.005, 0.02, 300))

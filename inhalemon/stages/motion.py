@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import solveh_banded
 
-from inhalemon.rotation import components, from_components, normalise, rotate, tilt_from_upright, up_in
+from inhalemon.rotation import normalise, rotate, tilt_from_upright, up_in
 from inhalemon.settings import MotionSettings
-from inhalemon.signals import moving_mean, squares
+from inhalemon.signals import at_times, moving_mean, squares
 from inhalemon.values import AttitudeTrack, BoolArray, FloatArray, LeverTrack, Motion, Recording
 
 GRAVITY_M_S2 = 9.80665
@@ -50,7 +50,7 @@ def describe_motion(
     force = _on_grid(time_s, body.time_s, body.acc_m_s2, width)
     acc_ref = rotate(q, force)
     acc_ref[:, 2] -= GRAVITY_M_S2
-    angle = lever_sign * _on_grid(time_s, lever.time_s, lever.angle_rad[:, None], 1)[:, 0]
+    angle = lever_sign * _on_grid(time_s, lever.time_s, lever.angle_rad, 1)
 
     is_gap = _in_gaps(time_s, body.time_s, settings.long_gap_s) | _in_gaps(
         time_s, recording.lever.time_s, settings.long_gap_s
@@ -63,7 +63,7 @@ def describe_motion(
         rate_hz=settings.rate_hz,
         tilt_rad=tilt_from_upright(q),
         elevation_rad=np.arcsin(np.clip(up[:, 1], -1.0, 1.0)),
-        sd_tilt_rad=np.interp(time_s, attitude.time_s, attitude.sd_tilt_rad),
+        sd_tilt_rad=at_times(attitude.time_s, attitude.sd_tilt_rad, time_s),
         gyr_rad_s=gyr,
         force_m_s2=force,
         acc_ref_m_s2=acc_ref - offset,
@@ -72,14 +72,14 @@ def describe_motion(
         activity=activity,
         lever_rad=angle,
         lever_rate_rad_s=np.gradient(angle, step),
-        sd_lever_rad=np.interp(time_s, lever.time_s, lever.sd_rad),
+        sd_lever_rad=at_times(lever.time_s, lever.sd_rad, time_s),
         is_gap=is_gap,
     )
 
 
 def _on_grid(grid_s: FloatArray, time_s: FloatArray, values: FloatArray, width: int) -> FloatArray:
     smoothed = moving_mean(values, width) if width > 1 else values
-    return from_components(*(np.interp(grid_s, time_s, column) for column in components(smoothed)))
+    return at_times(time_s, smoothed, grid_s)
 
 
 def _in_gaps(grid_s: FloatArray, time_s: FloatArray, long_gap_s: float) -> BoolArray:
@@ -145,9 +145,5 @@ def _velocity(
     solved = solveh_banded(bands, right, lower=True, check_finite=False, overwrite_ab=True, overwrite_b=True)
     # v_k stands at the middle of its block: the acceleration between two middles is the mean of the two blocks.
     middles = edges + (lengths - 1) / 2.0
-    samples = np.arange(n)
-    velocity, offset = (
-        from_components(*(np.interp(samples, middles, column) for column in components(unknown)))
-        for unknown in (solved[0::2], solved[1::2])
-    )
-    return velocity, offset
+    samples = np.arange(float(n))
+    return at_times(middles, solved[0::2], samples), at_times(middles, solved[1::2], samples)
