@@ -17,7 +17,8 @@ from inhalemon.simulate import MISTAKES
 from inhalemon.stages.phases import find_phases
 from inhalemon.stages.phases.order import LABELS, cheapest_path, transition_costs
 from inhalemon.values import PhaseKind, Report
-from validation.second_generator import ATTACKS, second_session
+from validation.second_actor import ATTACKS
+from validation.second_generator import second_session
 
 DEVICES = ("pmdi", "ellipta")
 PMDI = load_device("pmdi")

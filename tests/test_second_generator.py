@@ -8,7 +8,8 @@ from test_simulate import check_labels, integrated
 
 from inhalemon.rotation import angle_between
 from inhalemon.simulate import PERFECT, draw_mistakes
-from validation.second_generator import ATTACKS, second_session
+from validation.second_actor import ATTACKS
+from validation.second_generator import second_session
 
 DEVICES = ("pmdi", "ellipta")
 

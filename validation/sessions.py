@@ -23,7 +23,8 @@ from inhalemon.stages.motion import describe_motion
 from inhalemon.stages.phases.find import gather_evidence, label_by_cluster, label_by_path, phases_of
 from inhalemon.stages.shakes import find_shakes
 from inhalemon.values import DeviceKind, Phase, Recording, Verdict
-from validation.second_generator import ATTACKS, second_session
+from validation.second_actor import ATTACKS
+from validation.second_generator import second_session
 from validation.tables import Table, Target
 
 N_SESSIONS = 1200
