@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -127,8 +128,9 @@ def _fit(body: _Rates, lever: _Rates, settings: ClockSettings, *, lever_moves: b
     steepness = np.abs(np.diff(lever_speed, append=lever_speed[-1]))
     middle_s, half_s = _liveliest(body.time_s, body_speed, settings.chunk_s)
 
-    def refined(start: FloatArray, reference_s: float, half_s: float) -> _Fitted | None:
-        chosen = np.flatnonzero(lever.is_good & (np.abs(lever.time_s - reference_s) <= half_s))
+    @functools.cache
+    def telling(first: int, last: int) -> IntArray:
+        chosen: IntArray = first + np.flatnonzero(lever.is_good[first:last])
         if chosen.size > settings.max_samples:
             # The steepest samples say most of the offset; drift needs some of every second.
             half = settings.max_samples // 2
@@ -136,14 +138,21 @@ def _fit(body: _Rates, lever: _Rates, settings: ClockSettings, *, lever_moves: b
             rest = np.sort(order[:-half])
             spread = rest[:: -(-rest.size // half)]
             chosen = chosen[np.sort(np.concatenate([order[-half:], spread]))]
-        return _refine(body, lever, chosen, start, reference_s, settings, lever_moves=lever_moves)
+        return chosen
+
+    def refined(start: FloatArray, reference_s: float, half_s: float, *, beat: float = np.inf) -> _Fitted | None:
+        first = int(lever.time_s.searchsorted(reference_s - half_s))
+        last = int(lever.time_s.searchsorted(reference_s + half_s, side="right"))
+        chosen = telling(first, last)
+        return _refine(body, lever, chosen, start, reference_s, settings, lever_moves=lever_moves, beat=beat)
 
     found: _Fitted | None = None
     for offset_s in _coarse_offsets(body.time_s, body_speed, lever.time_s, lever_speed, middle_s, half_s, settings):
         start = np.zeros(_N_UNKNOWNS)
         start[_OFFSET] = offset_s
-        candidate = refined(start, middle_s - offset_s, half_s)
-        if candidate is not None and (found is None or candidate.share_left < found.share_left):
+        beat = found.share_left if found is not None else np.inf
+        candidate = refined(start, middle_s - offset_s, half_s, beat=beat)
+        if candidate is not None:
             found = candidate
             if found.share_left < settings.clear_share and found.agreed > settings.clear_agreed:
                 break
@@ -214,8 +223,12 @@ def _refine(
     settings: ClockSettings,
     *,
     lever_moves: bool,
+    beat: float,
 ) -> _Fitted | None:
-    """Gauss-Newton from `start` on the chosen samples of the lever; `None` when there are too few."""
+    """Gauss-Newton from `start` on the chosen samples of the lever.
+
+    `None` when there are too few, or when no less than the share `beat` of the motion is left unexplained.
+    """
     time_s, gyr_lever = lever.time_s[chosen], lever.gyr_rad_s[:, chosen]
     since = time_s - reference_s
     sd = np.array(
@@ -225,14 +238,16 @@ def _refine(
     free = np.array([True] * 3 + [not has_rest] * 6 + [lever_moves] * 4)
     prior = np.diag(sd[free] ** -2.0)
     unknowns = start.copy()
+    there, towards_lever, along_lever = _length(gyr_lever, unknowns[_AXIS_LEVER] if lever_moves else None)
     for _ in range(settings.n_iterations):
         rate, change, is_inside = _interpolated(body, time_s + unknowns[_OFFSET] + unknowns[_DRIFT] * since)
         if np.count_nonzero(is_inside) < settings.min_samples:
             return None
         here, towards, along = _length(rate - unknowns[_BIAS_BODY, None], unknowns[_AXIS_BODY] if lever_moves else None)
-        there, towards_lever, along_lever = _length(
-            gyr_lever - unknowns[_BIAS_LEVER, None], unknowns[_AXIS_LEVER] if lever_moves else None
-        )
+        if lever_moves or not has_rest:  # the lever's biases or its axis are fitted
+            there, towards_lever, along_lever = _length(
+                gyr_lever - unknowns[_BIAS_LEVER, None], unknowns[_AXIS_LEVER] if lever_moves else None
+            )
         slope = (towards * change).sum(axis=0)
         rows = [slope, slope * since, here]
         if not has_rest:
@@ -246,18 +261,21 @@ def _refine(
         weighted = design * weight
         normal = weighted @ design.T + prior
         step = np.linalg.solve(normal, weighted @ residual - prior @ unknowns[free])
-        step[_OFFSET] = np.clip(step[_OFFSET], -settings.max_step_s, settings.max_step_s)
+        step[_OFFSET] = min(max(step[_OFFSET], -settings.max_step_s), settings.max_step_s)
         unknowns[free] += step
         if abs(step[_OFFSET]) < settings.converged_s and np.all(np.abs(step[3:]) < settings.converged_rest):
             break
     residual = residual - step @ design
+    variance = np.average((there - np.average(there, weights=weight)) ** 2, weights=weight)
+    left = np.average(residual**2, weights=weight)
+    share_left = float(left / variance)
+    if not share_left < beat:  # nor when there is no motion to explain
+        return None
     inverse = np.linalg.inv(normal)
     block = np.floor(time_s - time_s[0]).astype(np.int64)
     scores = np.array([np.bincount(block, row * residual) for row in weighted])
     covariance = inverse @ (scores @ scores.T + prior) @ inverse
     sd_offset, sd_drift = np.sqrt(np.diag(covariance))[:2]
-    variance = np.average((there - np.average(there, weights=weight)) ** 2, weights=weight)
-    left = np.average(residual**2, weights=weight)
     noise = min(np.hypot(body.noise_rad_s, lever.noise_rad_s), settings.sd_noise_rad_s)
     tolerance = settings.tolerance_rad_s + settings.tolerance_share * here
     agreed = _typical(block, slope**2 * is_inside, np.abs(residual) < tolerance)
@@ -270,7 +288,7 @@ def _refine(
         sd_drift=float(sd_drift),
         is_found=bool(is_close and sd_offset <= settings.max_sd_offset_s and agreed >= settings.min_agreed),
     )
-    return _Fitted(unknowns, fit, float(left / variance), agreed)
+    return _Fitted(unknowns, fit, share_left, agreed)
 
 
 def _typical(block: IntArray, motion: FloatArray, is_agreed: BoolArray) -> float:
