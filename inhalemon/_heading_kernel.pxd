@@ -1,6 +1,12 @@
 # C types for _heading_kernel.py; it is the same program without them.
 cimport cython
 
+cdef extern from "math.h":
+    cpdef double remainder(double x, double y) noexcept
+    cpdef double sqrt(double x) noexcept
+
+cdef double _WHOLE_TURN
+
 @cython.locals(
     i=cython.Py_ssize_t, dt=double, x=double, rate=double, p00=double, p01=double, p11=double, surprise=double,
     variance=double, excess=double, gain=double, gain_rate=double)

@@ -6,6 +6,9 @@
 from __future__ import annotations
 
 import math
+from math import remainder, sqrt
+
+_WHOLE_TURN = 2.0 * math.pi
 
 
 def filter_heading(
@@ -40,10 +43,10 @@ def filter_heading(
         told[i, 3] = p01
         told[i, 4] = p11
         if shown[i] > min_shown:
-            surprise = math.remainder(measured_rad[i] - x, 2.0 * math.pi)
+            surprise = remainder(measured_rad[i] - x, _WHOLE_TURN)
             variance = scatter_rad2[i] / shown[i]
             # Huber's weight: a block far off its forecast pulls no harder than one at the limit.
-            excess = abs(surprise) / (max_surprise * math.sqrt(p00 + variance))
+            excess = abs(surprise) / (max_surprise * sqrt(p00 + variance))
             if excess > 1.0:
                 variance *= excess
             gain = p00 / (p00 + variance)

@@ -44,7 +44,7 @@ class Blocks:
         """Blocks of `block_s` of two attitudes at the same times; a block without a sample is left out."""
         time_s = body.time_s
         number = np.floor((time_s - time_s[0]) / block_s).astype(np.int64)
-        first = np.flatnonzero(np.diff(number, prepend=-1))
+        first = np.append(0, np.flatnonzero(number[1:] != number[:-1]) + 1)
         rate_hz = time_s.size / (time_s[-1] - time_s[0])
         stride = max(1, int(rate_hz * block_s / _SAMPLES_PER_BLOCK))
         # The first sample of every block is always taken, so that no block is empty.
