@@ -5,7 +5,7 @@ from pathlib import Path
 from setuptools import Extension, setup
 
 # No fast-math and no contraction: a compiled kernel and its Python form must agree to the bit.
-FLAGS = ["-O3", "-ffp-contract=off", "-fno-builtin-pow"]
+FLAGS = ["-O3", "-ffp-contract=off"]
 # Two numbers just written, read back as one vector, stall the processor: a tenth of the attitude filter's time.
 MORE_FLAGS = {"_attitude_kernel.py": ["-fno-tree-slp-vectorize"]}
 kernels = [
@@ -34,7 +34,6 @@ def extensions() -> list[Extension]:
         "boundscheck": False,
         "wraparound": False,
         "cdivision": True,
-        "cpow": True,  # a root of a negative number is an error here, never a complex number
         "annotation_typing": False,
         "initializedcheck": False,
     }

@@ -1,6 +1,7 @@
 # C types for _attitude_kernel.py; it is the same program without them.
 # Indices are Py_ssize_t: with a narrower type the compiler cannot turn the loops into vector instructions.
 cimport cython
+from libc cimport math
 from inhalemon._errors_kernel cimport Errors
 
 @cython.final

@@ -9,6 +9,8 @@ is done every tenth of a second is in `_errors_kernel.py`, smoothing in `_smooth
 
 from __future__ import annotations
 
+import math
+
 from inhalemon._errors_kernel import Errors
 
 
@@ -103,7 +105,7 @@ class AttitudeFilter:
         fx = m[0]
         fy = m[1]
         fz = m[2]
-        n = (fx * fx + fy * fy + fz * fz) ** 0.5
+        n = math.sqrt(fx * fx + fy * fy + fz * fz)
         if n == 0.0:
             return
         m[0] = 0.0
@@ -116,7 +118,7 @@ class AttitudeFilter:
             cw = 0.0
             cx = 1.0
             cy = 0.0
-        n = (cw * cw + cx * cx + cy * cy) ** 0.5
+        n = math.sqrt(cw * cw + cx * cx + cy * cy)
         cw /= n
         cx /= n
         cy /= n
@@ -427,7 +429,7 @@ class AttitudeFilter:
         cz = q[3] * w - q[0] * z - q[1] * y + q[2] * x
         n = cw * cw + cz * cz
         if n > 0.0:
-            n = 1.0 / n**0.5
+            n = 1.0 / math.sqrt(n)
             cw *= n
             cz *= n
             q[0] = cw * w - cz * z
@@ -476,7 +478,7 @@ class AttitudeFilter:
             s = 1.5 - 0.5 * n  # 1/sqrt(n) by two of Newton's steps, for speed
             s *= 1.5 - 0.5 * n * s * s
         else:
-            s = n**-0.5
+            s = 1.0 / math.sqrt(n)
         qw = q[0] * s
         qx = q[1] * s
         qy = q[2] * s

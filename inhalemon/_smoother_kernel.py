@@ -38,7 +38,7 @@ class Smoother:
             hx = -0.5 * x[0]
             hy = -0.5 * x[1]
             # the turn takes the direction of (1, hx, hy): tan of the half angle for the angle itself, small here
-            s = 1.0 / (1.0 + hx * hx + hy * hy) ** 0.5
+            s = 1.0 / math.sqrt(1.0 + hx * hx + hy * hy)
             out_q[n, 0] = s * (q[0] - hx * q[1] - hy * q[2])
             out_q[n, 1] = s * (q[1] + hx * q[0] + hy * q[3])
             out_q[n, 2] = s * (q[2] - hx * q[3] + hy * q[0])

@@ -1,5 +1,6 @@
 # C types for _source_kernel.py; it is the same program without them.
 cimport cython
+from libc cimport math
 
 @cython.final
 cdef class SourceFilter:

@@ -7,6 +7,8 @@ a floor are raised to it, because the difference (17) is not always a covariance
 
 from __future__ import annotations
 
+import math
+
 
 class SourceFilter:
     """The extended Kalman filter of (1)-(12); with `n_window` above 1, R adapts by (16) and (17)."""
@@ -141,7 +143,7 @@ class SourceFilter:
                 for i in range(4):
                     for j in range(3):
                         x[i] += k[3 * i + j] * y[j]
-                c = (x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + x[3] * x[3]) ** -0.5
+                c = 1.0 / math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + x[3] * x[3])
                 for i in range(4):
                     x[i] *= c
                 # (12)
@@ -243,10 +245,10 @@ def raise_eigenvalues(a: list[float], floor: float) -> None:
                 if d[3 * i + j] == 0.0:
                     continue
                 theta = (d[4 * j] - d[4 * i]) / (2.0 * d[3 * i + j])
-                t = 1.0 / (abs(theta) + (theta * theta + 1.0) ** 0.5)
+                t = 1.0 / (abs(theta) + math.sqrt(theta * theta + 1.0))
                 if theta < 0.0:
                     t = -t
-                c = (t * t + 1.0) ** -0.5
+                c = 1.0 / math.sqrt(t * t + 1.0)
                 s = t * c
                 for m in range(3):
                     x = d[3 * m + i]
