@@ -171,23 +171,20 @@ def _filtered_heading(
     return Heading(known[:, 0], known[:, 1], np.sqrt(known[:, 2]))
 
 
-def fit_axes(
-    blocks: Blocks, axis: FloatArray, settings: LeverSettings, *, is_shut_first: bool, start: Axes | None = None
-) -> Axes:
+def fit_axes(blocks: Blocks, axis: FloatArray, settings: LeverSettings, *, is_shut_first: bool) -> Axes:
     """The hinge axis on the body and on the lever, from the blocks, with `axis` as what was known before.
 
     Each of `n_axis_fits` rounds takes the heading from the axes so far, then one Gauss-Newton step on |u - v|^2 over
     all blocks for two small angles a side, and for an offset and a slope of the heading, which would otherwise hide
     half of what the axes are off. Tilt errors last for about `axis_memory_s`: the blocks count once in that time.
-    With `start`, the axes from somewhat fewer blocks, one round is enough.
     """
-    axes = start or Axes(axis, axis, settings.sd_axis_rad)
+    axes = Axes(axis, axis, settings.sd_axis_rad)
     if len(blocks) == 0:
         return axes
     share = min(1.0, blocks.block_s / settings.axis_memory_s)
     known = 1.0 / settings.sd_axis_rad**2
     ramp = np.stack([np.ones(len(blocks)), np.linspace(-1.0, 1.0, len(blocks))])
-    for _ in range(1 if start else settings.n_axis_fits):
+    for _ in range(settings.n_axis_fits):
         seen = _Seen.of(blocks, axes, settings, centred=True)
         heading = _filtered_heading(blocks, axes, seen, settings, smooth=True, is_shut_first=is_shut_first)
         turn = np.exp(-1j * heading.rad)

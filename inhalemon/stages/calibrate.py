@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 
-from inhalemon.hinge import Axes, Blocks, fit_axes, heading_difference
+from inhalemon.hinge import Blocks, fit_axes, heading_difference
 from inhalemon.rotation import (
     conjugate,
     from_rotation_vector,
@@ -65,10 +65,8 @@ def calibrate(
         )
     result = Calibration(np.empty((n, 3)), np.empty((n, 4)), np.empty(n), np.empty(n), np.empty(n))
     ends = np.append(blocks.first[1:], n)
-    last_axes: Axes | None = None
     for begin, end in _growing(len(blocks), settings.first_fit_blocks, settings.fit_again):
-        axes = fit_axes(blocks[:begin], axis, settings, is_shut_first=has_shut_state, start=last_axes)
-        last_axes = axes
+        axes = fit_axes(blocks[:begin], axis, settings, is_shut_first=has_shut_state)
         heading = heading_difference(blocks[:end], axes, settings, smooth=False, is_shut_first=has_shut_state)
         q_shut, sd_shut_rad = from_two_vectors(axes.body, axes.lever), settings.sd_zero_rad * has_shut_state
         if has_shut_state and begin:
