@@ -30,7 +30,7 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class SaturatedError(Exception):
-    """As many jobs wait as may wait."""
+    """As many jobs wait as may wait, or this one has waited for as long as one may."""
 
 
 class CrashedError(Exception):
@@ -54,6 +54,7 @@ class _Job:
     priority: int
     number: int
     task: Mapping[str, object] = field(compare=False)
+    begun: asyncio.Event = field(compare=False)
     answer: asyncio.Future[Answer] = field(compare=False)
 
 
@@ -102,18 +103,25 @@ class Pool:
     async def run(self, task: Mapping[str, object], *, in_background: bool = False) -> Answer:
         """Have a worker do `task`.
 
-        Raises `SaturatedError` when too many wait, `CrashedError` and `DeadlineError`. Work in the background waits for
-        as long as it takes and lets everything else go first.
+        Raises `SaturatedError` when too many wait or no worker was free before the deadline, `CrashedError` and
+        `DeadlineError`. Work in the background waits for as long as it takes and lets everything else go first.
         """
         is_full = self._n_asked >= self.size + self._max_waiting
         if self.size == 0 or (is_full and not in_background):
             raise SaturatedError
         priority = _BACKGROUND if in_background else _INTERACTIVE
-        job = _Job(priority, next(self._numbers), task, asyncio.get_running_loop().create_future())
+        answer: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
+        job = _Job(priority, next(self._numbers), task, asyncio.Event(), answer)
         self._queue.put_nowait(job)
         self._n_asked += not in_background
         try:
-            return await job.answer
+            if not in_background:
+                async with asyncio.timeout(self.deadline_s):
+                    await job.begun.wait()
+            return await answer
+        except TimeoutError as error:
+            answer.cancel()
+            raise SaturatedError from error
         finally:
             self._n_asked -= not in_background
 
@@ -150,6 +158,7 @@ class Pool:
             job = await self._queue.get()
             if job.answer.done():
                 continue
+            job.begun.set()
             try:
                 answer = await asyncio.wait_for(_ask(child, job.task), self.deadline_s)
             except TimeoutError:

@@ -182,8 +182,9 @@ async def pipeline_versions(service: Service) -> dict[str, str]:
     """`pipeline`, `settings_digest` and `rules_digest`, as the workers have them; asked once."""
     if not service.versions:
         try:
-            answer = await service.pool.run(_order(service, "versions"), in_background=True)
-        except (CrashedError, DeadlineError, SaturatedError) as error:
+            async with asyncio.timeout(service.pool.deadline_s):
+                answer = await service.pool.run(_order(service, "versions"), in_background=True)
+        except (CrashedError, DeadlineError, SaturatedError, TimeoutError) as error:
             raise NotReadyError("No worker can start; the log says why.") from error
         service.versions.update({name: str(value) for name, value in answer.head.items()})
     return service.versions

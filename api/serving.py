@@ -8,13 +8,37 @@ from pathlib import Path
 
 import typer
 import uvicorn
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from api import logs, operations
 from api.app import create_app
 from api.problems import ConfigurationError
 from api.settings import ServiceSettings
 
+_MAX_HEAD_BYTES = 64 * 1024
 _SAMPLES = Path(__file__).parent.parent / "sample_data"
+
+
+class BoundedHttp(HttpToolsProtocol):
+    """uvicorn's protocol with an end to headers: by itself it collects them for as long as they come."""
+
+    _is_in_head = False
+    _n_head_bytes = 0
+
+    def data_received(self, data: bytes) -> None:
+        super().data_received(data)
+        if self._is_in_head:
+            self._n_head_bytes += len(data)
+            if self._n_head_bytes > _MAX_HEAD_BYTES:
+                self.send_400_response("The headers are too long.")
+
+    def on_message_begin(self) -> None:
+        super().on_message_begin()
+        self._is_in_head, self._n_head_bytes = True, 0
+
+    def on_headers_complete(self) -> None:
+        super().on_headers_complete()
+        self._is_in_head = False
 
 
 def run(settings: ServiceSettings, *, with_samples: bool = False) -> None:
@@ -37,7 +61,7 @@ def run(settings: ServiceSettings, *, with_samples: bool = False) -> None:
             server_header=False,
             timeout_keep_alive=30,
             timeout_graceful_shutdown=10,
-            h11_max_incomplete_event_size=64 * 1024,
+            http=BoundedHttp,
         )
         uvicorn.Server(config).run(sockets=[listener])
 

@@ -18,6 +18,7 @@ from api import operations
 from api.app import create_app
 from api.principal import Role, Scope
 from api.service import Service
+from api.serving import BoundedHttp
 from api.settings import ServiceSettings, load
 from api.store import people
 
@@ -89,7 +90,9 @@ def serving(settings: ServiceSettings) -> Iterator[Server]:
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
         app = create_app(settings)
-        config = uvicorn.Config(app, log_config=None, access_log=False, lifespan="on", timeout_graceful_shutdown=5)
+        config = uvicorn.Config(
+            app, log_config=None, access_log=False, http=BoundedHttp, lifespan="on", timeout_graceful_shutdown=5
+        )
         server = uvicorn.Server(config)
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
         thread.start()

@@ -81,6 +81,33 @@ def test_a_job_past_its_deadline_is_ended(tmp_path, database, recording):
         wait_until(lambda: client.get(f"/v1/sessions/{answer.json()['session']}").json()["state"] == "scored")
 
 
+def test_when_no_worker_starts_bytes_are_kept_and_nobody_waits_for_ever(tmp_path, database, recording):
+    with own_server(tmp_path, database, score_deadline_s=2.0) as (server, clinic):
+        pool = server.service.pool
+        pool._command = (sys.executable, "-c", "raise SystemExit(3)")
+        for worker in pool.pids:
+            os.kill(worker, signal.SIGKILL)
+        client = clinic.client("clinician")
+        answer = send(client, recording(seed=87))
+        assert answer.status_code == 503, answer.text
+        assert int(answer.headers["retry-after"]) >= 1
+        assert client.get(f"/v1/sessions/{answer.json()['session']}").json()["state"] == "unscored"
+        assert client.get("/version").status_code == 503
+        pool._command = (sys.executable, "-m", "api.worker")
+        wait_until(lambda: client.get(f"/v1/sessions/{answer.json()['session']}").json()["state"] == "scored")
+
+
+def test_headers_without_end_are_cut_off(server):
+    with socket.create_connection(("127.0.0.1", httpx.URL(server.url).port), timeout=20) as connection:
+        connection.sendall(b"GET /livez HTTP/1.1\r\nHost: here\r\nX-Long: ")
+        with contextlib.suppress(ConnectionError):
+            for _ in range(4096):
+                connection.sendall(b"a" * 4096)
+            pytest.fail("16 MiB of one header were taken")
+    with server.client() as client:
+        assert client.get("/livez").status_code == 200
+
+
 def test_when_scoring_is_saturated_bytes_are_kept_and_scored_later(tmp_path, database, recording):
     with own_server(tmp_path, database, max_waiting=0) as (server, clinic):
         client = clinic.client("clinician")
