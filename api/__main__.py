@@ -168,6 +168,9 @@ def main() -> None:
     except ProblemError as error:
         _note(f"{error.title}: {error.detail}")
         raise SystemExit(1) from error
+    except OSError as error:  # such as a data folder on a disk that cannot be written to
+        _note(f"Settings: {error.filename or 'the system'}: {error.strerror or error}")
+        raise SystemExit(4) from error
 
 
 if __name__ == "__main__":

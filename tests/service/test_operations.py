@@ -54,6 +54,15 @@ def test_nobody_else_can_look_into_a_new_data_folder(tmp_path):
         assert (tmp_path / "data").stat().st_mode & 0o077 == 0
 
 
+@pytest.mark.parametrize("verb", ["serve", "doctor"])
+def test_a_data_folder_that_cannot_be_made_is_told_in_one_line(tmp_path, verb):
+    (tmp_path / "file").touch()
+    found = run(tmp_path / "file" / "data", verb)
+    assert found.returncode == 4
+    assert str(tmp_path / "file") in found.stderr
+    assert found.stderr.count("\n") == 1
+
+
 @pytest.mark.slow
 def test_a_backup_is_restored_elsewhere_whole(tmp_path, database, filled, recording):
     settings, key, session = filled

@@ -264,7 +264,7 @@
     PANELS.forEach((panel, i) => {
       const section = document.createElement("div"), head = document.createElement("p"), title = document.createElement("b");
       section.className = "panel";
-      title.textContent = panel.title;
+      title.textContent = `${panel.title} (${panel.unit})`;
       head.append(title);
       panel.curves.forEach((curve, k) => {
         const name = document.createElement("span");
