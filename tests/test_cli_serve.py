@@ -1,4 +1,4 @@
-"""serve is a child process: its options, its exit code and Ctrl-C are the service's own."""
+"""serve becomes the service: its options, its exit code and every signal are the service's own."""
 
 from __future__ import annotations
 
@@ -25,7 +25,9 @@ def test_options_and_exit_code_are_those_of_the_service():
     assert serve("--nonsense").returncode == 2
 
 
-def test_ctrl_c_ends_the_service_and_leaves_nothing_running(tmp_path):
+@pytest.mark.parametrize(("kill", "number"), [(os.killpg, signal.SIGINT), (os.kill, signal.SIGTERM)])
+def test_a_signal_ends_the_service_and_leaves_nothing_running(tmp_path, kill, number):
+    """Ctrl-C reaches the whole group, as the terminal sends it; a supervisor's SIGTERM the one process it started."""
     command = [sys.executable, "-m", "inhalemon", "serve", "--port", "0", "--data-dir", tmp_path / "data"]
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
     with subprocess.Popen(command, start_new_session=True, **streams) as program:
@@ -35,9 +37,9 @@ def test_ctrl_c_ends_the_service_and_leaves_nothing_running(tmp_path):
             if "http://" in line:
                 break
         assert "http://" in said, said
-        os.killpg(program.pid, signal.SIGINT)  # as the terminal does
-        rest = program.stdout.read()
-    assert program.returncode in (0, 130), said + rest
+        kill(program.pid, number)
+        rest, _ = program.communicate(timeout=60)
+    assert program.returncode in (0, 128 + number, -number), said + rest
     assert "Traceback" not in rest
     with pytest.raises(ProcessLookupError):
         os.killpg(program.pid, 0)

@@ -1,8 +1,8 @@
-"""`inhalemon serve`: the service as a child process, so that the library never imports it."""
+"""`inhalemon serve`: becomes the service, so that the library never imports it."""
 
 from __future__ import annotations
 
-import subprocess
+import os
 import sys
 
 import typer
@@ -17,10 +17,8 @@ def add_to(app: typer.Typer) -> None:
 
 
 def serve(context: typer.Context) -> None:
-    """Start the review pages and the HTTP service (`python -m api serve`; options are handed on)."""
-    child = subprocess.Popen([sys.executable, "-m", "api", "serve", *context.args])
-    while True:
-        try:
-            raise typer.Exit(child.wait())
-        except KeyboardInterrupt:
-            continue  # the terminal has sent it to the child too, which ends in its own good order
+    """Start the review pages and the HTTP service (`python -m api serve`; options are handed on).
+
+    The same process goes on as the service, so whatever is sent to it, the service gets.
+    """
+    os.execv(sys.executable, [sys.executable, "-m", "api", "serve", *context.args])
