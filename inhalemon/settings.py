@@ -98,7 +98,7 @@ class AttitudeSettings:
     method: AttitudeMethod = AttitudeMethod.AKF
     smooth: bool = True  # use the whole recording for every sample; False: only what came before, as while recording
     is_adaptive: bool = True  # False: R stays `r_start_m2_s2` (for comparison)
-    update_s: float = 0.1  # between corrections: drift is slow beside it, and 0.02 is hardly better on any recording
+    update_s: float = 0.12  # between corrections: drift is slow beside it, and 0.04 is hardly better on any recording
 
     # the sensor's errors
     gyr_delay_s: float = 0.002  # the gyro's low-pass is late: MPU-9250, 1 ms at 250 Hz, 2.9 ms at 184, 3.9 ms at 92
