@@ -16,7 +16,7 @@ import numpy as np
 
 from inhalemon.pipeline import Tracks, estimate_tracks
 from inhalemon.rotation import up_in
-from inhalemon.settings import AttitudeMethod, AttitudeSettings, LeverSettings, SensorSettings, Settings
+from inhalemon.settings import AttitudeMethod, AttitudeSettings, SensorSettings, Settings
 from inhalemon.simulate import Truth, simulate_session
 from inhalemon.values import BoolArray, EventKind, FloatArray, PhaseKind, Recording
 from validation.tables import Table
@@ -46,9 +46,11 @@ class Errors:
 
 
 def settings_of(attitude: AttitudeSettings, *, is_corrected: bool) -> Settings:
-    """The hinge stage is the same for every filter; `is_corrected` removes the sensors' biases beforehand."""
-    lever = LeverSettings(smooth=attitude.smooth)
-    return replace(Settings(), sensors=SensorSettings(is_used=is_corrected), attitude=attitude, lever=lever)
+    """The hinge stage is a finished recording's for every filter: learning anew on the way would show as spikes, too.
+
+    `is_corrected` removes the sensors' biases beforehand.
+    """
+    return replace(Settings(), sensors=SensorSettings(is_used=is_corrected), attitude=attitude)
 
 
 def sessions() -> Iterator[tuple[Recording, Truth]]:
