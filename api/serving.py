@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 import sys
 from pathlib import Path
@@ -20,25 +21,44 @@ _SAMPLES = Path(__file__).parent.parent / "sample_data"
 
 
 class BoundedHttp(HttpToolsProtocol):
-    """uvicorn's protocol with an end to headers: by itself it collects them for as long as they come."""
+    """uvicorn's protocol with an end to headers: by itself it waits for them, and collects them, for ever."""
 
-    _is_in_head = False
+    head_deadline_s = 15.0
     _n_head_bytes = 0
+    _deadline: asyncio.TimerHandle | None = None  # while the head of a request is awaited
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # as uvicorn has it
+        super().connection_made(transport)
+        self._await_head()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._has_head()
+        super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
         super().data_received(data)
-        if self._is_in_head:
+        if self._deadline is not None:
             self._n_head_bytes += len(data)
             if self._n_head_bytes > _MAX_HEAD_BYTES:
                 self.send_400_response("The headers are too long.")
 
     def on_message_begin(self) -> None:
         super().on_message_begin()
-        self._is_in_head, self._n_head_bytes = True, 0
+        self._await_head()
 
     def on_headers_complete(self) -> None:
+        self._has_head()
         super().on_headers_complete()
-        self._is_in_head = False
+
+    def _await_head(self) -> None:
+        self._has_head()
+        self._n_head_bytes = 0
+        self._deadline = self.loop.call_later(self.head_deadline_s, self.transport.close)
+
+    def _has_head(self) -> None:
+        if self._deadline is not None:
+            self._deadline.cancel()
+            self._deadline = None
 
 
 def run(settings: ServiceSettings, *, with_samples: bool = False) -> None:

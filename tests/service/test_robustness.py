@@ -20,6 +20,7 @@ from running import serving, settings_for
 
 from api import operations
 from api.principal import Role
+from api.serving import BoundedHttp
 
 CSV = {"content-type": "text/csv"}
 
@@ -106,6 +107,14 @@ def test_headers_without_end_are_cut_off(server):
             pytest.fail("16 MiB of one header were taken")
     with server.client() as client:
         assert client.get("/livez").status_code == 200
+
+
+@pytest.mark.parametrize("sent", [b"", b"GET /livez HTTP/1.1\r\nHost: here\r\n"])
+def test_a_request_that_never_begins_is_given_up(server, monkeypatch, sent):
+    monkeypatch.setattr(BoundedHttp, "head_deadline_s", 0.5)
+    with socket.create_connection(("127.0.0.1", httpx.URL(server.url).port), timeout=20) as connection:
+        connection.sendall(sent)
+        assert connection.recv(1) == b""
 
 
 def test_when_scoring_is_saturated_bytes_are_kept_and_scored_later(tmp_path, database, recording):
