@@ -101,7 +101,7 @@ def _device(given: DeviceKind | str | None, sidecar: Sidecar, file: str) -> Devi
             column="device",
             found="not given",
             wanted=wanted,
-            detail="Give --device, or a sidecar with the device",
+            detail="Give --device, or a sidecar or metadata with the device",
         )
     if chosen not in tuple(DeviceKind):
         raise RecordingError("unknown_device", file=file, column="device", found=repr(chosen), wanted=wanted)
