@@ -253,6 +253,7 @@ class PhaseSettings:
     # Lying on a table: below a hand's tremor, above the sensors' noise.
     table_window_s: float = 0.5
     noise_smooth_s: float = 0.04
+    noise_left: float = 0.6  # of the variance that smoothing takes away, more where samples are bridged
     table_acc_m_s2: float = 0.04
     table_gyr_rad_s: float = 0.0032
     min_table_s: float = 0.6
@@ -275,8 +276,11 @@ class PhaseSettings:
     min_likeness: float = 0.55
     min_untilted_stay_s: float = 0.7
     fidget: float = 0.7  # clear movements: less ends neither a pause nor a held breath
-    mouth_height_m: float = 0.15  # two stays at one mouth are not farther apart
-    away_m: float = 0.10  # farther from the mouth than this, the device has left it
+    mouth_m: float = 0.15  # two stays at one mouth are not farther apart
+    min_lift_share: float = 0.5  # of the lift to the inhalation
+    away_m: float = 0.10  # farther from the mouth than this, the device has left it, and than what the head carries it
+    mouth_sway_m: float = 0.06
+    head_arm_m: float = 0.2  # from neck to mouth
     max_breath_s: float = 1.5
     fall_m: float = 0.03  # the hand sinks at least so much as the breath is let out
     max_fall_m: float = 0.2

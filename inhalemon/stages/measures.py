@@ -158,9 +158,10 @@ def _inhalation(dose: _Dose) -> dict[str, Measure]:
 
 
 def _exhale_pause(dose: _Dose) -> Measure:
-    to_mouth = dose.first(PhaseKind.INHALE) or dose.first(PhaseKind.TO_MOUTH)
-    if to_mouth is None:
+    at_mouth = [phase for phase in dose.phases if phase.kind is PhaseKind.TO_MOUTH]
+    if dose.inhale is None and not at_mouth:
         return Measure(None, reason="no_inhalation_seen")
+    to_mouth = dose.inhale or at_mouth[-1]
     before = [phase for phase in dose.phases if phase.kind is PhaseKind.EXHALE and phase.start_s < to_mouth.start_s]
     sd = dose.settings.sd_exhale_pause_s
     if not before:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -99,7 +100,7 @@ def _one_a_dose(
     device: Device,
     settings: PhaseSettings,
 ) -> list[Stay]:
-    """The likeliest stay between one preparation (shaking, opening) and the next, tilted ones first."""
+    """The stay at the mouth between one preparation (shaking, opening) and the next."""
     is_ellipta = device.rule_set is DeviceKind.ELLIPTA
     if is_ellipta:
         begins = [event.start_s for event in events if event.kind is EventKind.OPEN]
@@ -107,28 +108,34 @@ def _one_a_dose(
         begins = [shake.start_s for shake in shakes]
     parts: dict[int, list[Stay]] = {}
     for stay in stays:
-        at_s = float(motion.time_s[stay.onset])
-        part = sum(begin <= at_s for begin in begins)
-        is_unprepared = part == 0 and bool(begins)
-        is_lifted = stay.lift_m > settings.min_lift_m
-        if stay.likeness < settings.min_likeness or (is_unprepared and (is_ellipta or not is_lifted)):
-            continue
-        if is_unprepared and not stay.is_pressed:
-            stay = replace(stay, is_tilted=False)  # noqa: PLW2901  at the mouth, but nothing to inhale yet
-        parts.setdefault(part, []).append(stay)
-    kept = []
-    for rivals in parts.values():
-        tilted = [stay for stay in rivals if stay.is_tilted]
-        kept.append(max(tilted or rivals, key=lambda stay: _preference(stay, motion)))
-    return kept
+        part = sum(begin <= motion.time_s[stay.onset] for begin in begins)
+        if stay.likeness >= settings.min_likeness:
+            parts.setdefault(part, []).append(stay)
+    early = parts.pop(0, []) if begins else []
+    kept = [_at_mouth(rivals, settings) for rivals in parts.values()]
+    if is_ellipta or not early:
+        return kept
+    # Before any preparation nothing is inhaled without a press; a glance at the counter lifts less than a breath.
+    least_m = max([settings.min_lift_m, *(settings.min_lift_share * stay.lift_m for stay in kept)])
+    early = [replace(stay, is_tilted=stay.is_pressed and stay.is_tilted) for stay in early if stay.lift_m > least_m]
+    return [_at_mouth(early, settings), *kept] if early else kept
 
 
-def _preference(stay: Stay, motion: Motion) -> float:
-    """How much speaks for a stay beside its rivals: of two that are as likely the longer and the higher one.
+def _at_mouth(rivals: Sequence[Stay], settings: PhaseSettings) -> Stay:
+    """The stay among rivals where the device is tilted back farthest, at the place that is the mouth likeliest.
 
-    At the mouth the device waits a moment before the breath; nowhere else it is held as high.
+    That is the highest place of them, and where the tilt is clearest: nowhere else the device is held as high.
     """
-    return stay.likeness + 0.1 * min((stay.end - stay.onset) / motion.rate_hz, 2.0) + stay.height_m
+
+    def preference(stay: Stay) -> float:
+        gain = min(max(stay.gain_rad, 0.0) / settings.usual_tilt_back_rad, 2.0)
+        return stay.likeness + 2.0 * stay.height_m + 0.1 * gain
+
+    likeliest = max(rivals, key=preference)
+    tilted = [
+        stay for stay in rivals if stay.is_tilted and math.dist(stay.place_m, likeliest.place_m) < settings.mouth_m
+    ]
+    return max(tilted, key=lambda stay: stay.elevation_rad) if tilted else likeliest
 
 
 def _masks(
@@ -156,19 +163,14 @@ def _masks(
         # Only the last movement before the table puts the device down.
         masks[PhaseKind.PUT_DOWN][carried_since(path, begin, hold.start) : hold.start] = 1.0
     for stay in stays:
-        weight = min(max((stay.likeness - 0.3) / 0.4, 0.0), 1.0)
         first, last = stay.pause
-        _raise(masks[PhaseKind.EXHALE], first, last, weight)
-        _raise(masks[PhaseKind.TO_MOUTH], last, stay.onset if stay.is_tilted else stay.end, weight)
+        masks[PhaseKind.EXHALE][first:last] = 1.0
+        masks[PhaseKind.TO_MOUTH][last : stay.onset if stay.is_tilted else stay.end] = 1.0
         if stay.is_tilted:
-            _raise(masks[PhaseKind.INHALE], stay.onset, stay.end, weight)
-            _raise(masks[PhaseKind.BREATH_HOLD], stay.end, stay.hold_end, weight)
-            _raise(masks[PhaseKind.EXHALE_AFTER], stay.hold_end, stay.after_end, weight)
+            masks[PhaseKind.INHALE][stay.onset : stay.end] = 1.0
+            masks[PhaseKind.BREATH_HOLD][stay.end : stay.hold_end] = 1.0
+            masks[PhaseKind.EXHALE_AFTER][stay.hold_end : stay.after_end] = 1.0
     return masks
-
-
-def _raise(mask: FloatArray, start: int, end: int, weight: float) -> None:
-    mask[start:end] = np.maximum(mask[start:end], weight)
 
 
 def _costs(masks: dict[PhaseKind, FloatArray], windows: Windows) -> FloatArray:

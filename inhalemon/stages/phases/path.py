@@ -78,12 +78,15 @@ def _smoothed(motion: Motion, smooth_s: float, settings: PhaseSettings, *, has_p
 
 def table_mask(motion: Motion, settings: PhaseSettings) -> BoolArray:
     """Where the device lies on something that has no tremor: 6-12 Hz, below most of a sensor's noise."""
+    is_quiet = np.ones(motion.time_s.size, dtype=np.bool_)
+    limits = ((motion.force_m_s2, settings.table_acc_m_s2), (motion.gyr_rad_s, settings.table_gyr_rad_s))
     width = round(settings.table_window_s * motion.rate_hz)
-    force, gyr = without_noise(motion.force_m_s2, motion, settings), without_noise(motion.gyr_rad_s, motion, settings)
-    acc_var, gyr_var = (
-        moving_mean(squares(values), width) - squares(moving_mean(values, width)) for values in (force, gyr)
-    )
-    is_quiet = (acc_var < settings.table_acc_m_s2**2) & (gyr_var < settings.table_gyr_rad_s**2)
+    for values, most in limits:
+        smooth = without_noise(values, motion, settings)
+        # Of white noise, as much is left as was taken away, or less: what the sensor has where it is quietest.
+        noise = quantile(moving_mean(squares(values - smooth), width), 0.1)
+        variance = moving_mean(squares(smooth), width) - squares(moving_mean(smooth, width))
+        is_quiet &= variance < most**2 + settings.noise_left * noise
     return drop_short(is_quiet, round(settings.min_table_s * motion.rate_hz))
 
 

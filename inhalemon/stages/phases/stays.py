@@ -27,6 +27,9 @@ class Stay:
     is_tilted: bool
     is_pressed: bool
     likeness: float  # 0 to 1
+    gain_rad: float  # how far it is tilted back into the stay
+    elevation_rad: float  # of the body's y while it lasts
+    place_m: tuple[float, ...]
     height_m: float
     lift_m: float  # above where the device was in the hand before
 
@@ -46,10 +49,10 @@ def find_stays(
     bound the steps before and after.
     """
     rate = motion.rate_hz
-    found = []
+    found: list[Stay] = []
     for k, hold in enumerate(holds):
         lasts_s = (hold.end - hold.start) / rate
-        if hold.on_table or lasts_s < settings.min_stay_s:
+        if hold.on_table or lasts_s < settings.min_stay_s or (found and hold.end <= found[-1].end):
             continue
         barrier = _prepared(motion, holds, k, strokes)
         since = max(holds[k - 1].end - round(0.1 * rate) if k else 0, barrier)
@@ -65,7 +68,10 @@ def find_stays(
         if not (is_tilted or is_lifted):
             continue
         carried_in = _farthest(path, slice(barrier, low + 1), hold)
-        carried_out = _farthest(path, slice(hold.end, hold.end + round(settings.leaving_s * rate)), hold)
+        near_m = max(settings.away_m, settings.mouth_sway_m + settings.head_arm_m * gain_rad)
+        first, last = _visit(path, holds, k, barrier, min(near_m, 0.5 * carried_in), near_m)
+        gone = holds[last].end
+        carried_out = _farthest(path, slice(gone, gone + round(settings.leaving_s * rate)), hold)
         is_lowered = lift_m < -settings.lowered_m
         gain = min(max(gain_rad, 0.0) / settings.usual_tilt_back_rad, 1.0)
         if path.has_place:
@@ -73,7 +79,7 @@ def find_stays(
             back = min(carried_out / settings.mouth_way_m, 1.0) * 2.0 - 1.0
         else:
             there, back = _tilt_alone(path, signal, gain_rad, low, hold, round(settings.leaving_s * rate), settings)
-        begin_s, end_s = motion.time_s[low], motion.time_s[hold.end - 1]
+        begin_s, end_s = motion.time_s[min(low, holds[first].start)], motion.time_s[hold.end - 1]
         is_pressed = any(begin_s - 1.0 < press.start_s < end_s for press in presses)
         if is_tilted:
             likeness = max(gain + there + back + is_pressed, 0.0) / 4.0
@@ -81,18 +87,21 @@ def find_stays(
             likeness = 0.4 * (there + back)
         else:
             continue
-        last = _while_tilted(path, holds, k, signal, gain_rad, settings) if is_tilted else k
+        end = holds[_while_tilted(path, holds, k, signal, gain_rad) if is_tilted else k].end
         hold_end, after_end = _afterwards(motion, path, holds, last, strokes, settings)
         found.append(
             Stay(
-                pause=_pause_before(motion, path, holds, k, barrier, min(settings.away_m, 0.5 * carried_in), settings),
+                pause=_pause_before(motion, path, holds, first, barrier, settings),
                 onset=onset(signal, low, hold.start) if is_tilted else hold.start,
-                end=holds[last].end,
+                end=end,
                 hold_end=hold_end,
                 after_end=after_end,
                 is_tilted=is_tilted,
                 is_pressed=is_pressed,
                 likeness=likeness,
+                gain_rad=gain_rad,
+                elevation_rad=float(quantile(path.elevation_rad[hold.start : hold.end], 0.5)),
+                place_m=hold.place_m,
                 height_m=hold.height_m,
                 lift_m=lift_m,
             )
@@ -100,9 +109,27 @@ def find_stays(
     return found
 
 
-def _while_tilted(
-    path: Path, holds: Sequence[Hold], k: int, signal: FloatArray, gain_rad: float, settings: PhaseSettings
-) -> int:
+def _visit(path: Path, holds: Sequence[Hold], k: int, barrier: int, before_m: float, after_m: float) -> tuple[int, int]:
+    """The first and the last of the holds around `k` that are at the same mouth, no farther than the distances given.
+
+    The device waits there before the tilt-back, and may stay there when it is undone. By the turn alone, the hold
+    before is taken for the one, and none for the other.
+    """
+
+    def is_here(other: Hold, near_m: float) -> bool:
+        return not other.on_table and math.dist(other.place_m, holds[k].place_m) <= near_m
+
+    first = last = k
+    if not path.has_place:
+        return (k - 1 if k and not holds[k - 1].on_table else k), k
+    while first and holds[first - 1].end > barrier and is_here(holds[first - 1], before_m):
+        first -= 1
+    while last + 1 < len(holds) and is_here(holds[last + 1], after_m):
+        last += 1
+    return first, last
+
+
+def _while_tilted(path: Path, holds: Sequence[Hold], k: int, signal: FloatArray, gain_rad: float) -> int:
     """The last hold from `k` on with the tilt kept at the same place: an unsteady hand holds in parts."""
     kept_rad = float(quantile(signal[holds[k].start : holds[k].end], 0.5)) - 0.5 * gain_rad
     last = k
@@ -154,61 +181,50 @@ def _tilt_alone(
 
 
 def _pause_before(
-    motion: Motion,
-    path: Path,
-    holds: Sequence[Hold],
-    k: int,
-    barrier: int,
-    away_m: float,
-    settings: PhaseSettings,
+    motion: Motion, path: Path, holds: Sequence[Hold], first: int, barrier: int, settings: PhaseSettings
 ) -> tuple[int, int]:
-    """The last hold in the hand before the device is carried to the hold `k`; a dwell at the mouth itself is none.
+    """The hold in the hand before the device is carried to the mouth, whose holds begin with `first`.
 
     Without one, where the way to the mouth begins, twice.
     """
-    for j in range(k - 1, -1, -1):
-        other = holds[j]
-        if other.on_table or other.end <= barrier:
-            break
-        # By the turn alone, the hold next to the tilt-back is taken for the dwell.
-        if math.dist(other.place_m, holds[k].place_m) <= away_m if path.has_place else j == k - 1:
-            continue
-        if quantile(motion.tilt_rad[other.start : other.end], 0.5) > np.pi / 2:
-            break  # upside down is no pause
-        while j and not holds[j - 1].on_table and _pose_distance(path, holds[j - 1], holds[j]) < path.fidget:
-            j -= 1  # noqa: PLW2901
-        first = max(holds[j].start, barrier)
-        speed = path.speed[first : other.end]
-        # The hand comes to rest bit by bit: the pause begins where it is as still as it gets.
-        moving = np.flatnonzero(speed > max(settings.pause_speed, 2.0 * float(quantile(speed, 0.5))))
-        early = moving[moving < min((other.end - first) // 2, round(settings.settling_s * motion.rate_hz))]
-        return first + (int(early[-1]) + 1 if early.size else 0), other.end
-    begin = max((other.end for other in holds[:k] if not other.on_table), default=barrier)
-    begin = max(min(begin, holds[k].start), barrier)
-    return begin, begin
+    j = first - 1
+    is_in_hand = j >= 0 and not holds[j].on_table and holds[j].end > barrier
+    # Upside down is no pause.
+    if not is_in_hand or quantile(motion.tilt_rad[holds[j].start : holds[j].end], 0.5) > np.pi / 2:
+        begin = max(holds[j].end, barrier) if is_in_hand else min(barrier, holds[first].start)
+        return begin, begin
+    end = holds[j].end
+    while j and not holds[j - 1].on_table and _pose_distance(path, holds[j - 1], holds[j]) < path.fidget:
+        j -= 1
+    start = max(holds[j].start, barrier)
+    speed = path.speed[start:end]
+    # The hand comes to rest bit by bit: the pause begins where it is as still as it gets.
+    moving = np.flatnonzero(speed > max(settings.pause_speed, 2.0 * float(quantile(speed, 0.5))))
+    early = moving[moving < min((end - start) // 2, round(settings.settling_s * motion.rate_hz))]
+    return start + (int(early[-1]) + 1 if early.size else 0), end
 
 
 def _afterwards(
     motion: Motion,
     path: Path,
     holds: Sequence[Hold],
-    k: int,
+    last: int,
     strokes: Sequence[tuple[float, float]],
     settings: PhaseSettings,
 ) -> tuple[int, int]:
-    """Until when the device is taken away and held, and until when a small movement and stillness follow."""
-    later = [motion.index(start_s) for start_s, _ in strokes if motion.index(start_s) >= holds[k].end]
+    """Until when the device is held after it was taken away, and until when a small movement and stillness follow.
+
+    `last` is its last hold at the mouth.
+    """
+    later = [motion.index(start_s) for start_s, _ in strokes if motion.index(start_s) >= holds[last].end]
     limit = min(later, default=motion.time_s.size)
-    after = [hold for hold in holds[k + 1 :] if hold.start < limit and not hold.on_table]
-    if path.has_place:
-        away = next(
-            (j for j, hold in enumerate(after) if math.dist(hold.place_m, holds[k].place_m) > settings.away_m), None
-        )
-    else:  # a head that comes back turns the device as much as a breath let out: the longest hold is the breath's
-        away = max(range(len(after)), key=lambda j: after[j].end - after[j].start, default=None)
-    if away is None:
-        end = min((after[-1] if after else holds[k]).end, limit)
+    after = [hold for hold in holds[last + 1 :] if hold.start < limit and not hold.on_table]
+    if not after:
+        end = min(holds[last].end, limit)
         return end, end
+    away = 0
+    if not path.has_place:  # a head that comes back turns the device as much as a breath let out: the longest counts
+        away = max(range(len(after)), key=lambda j: after[j].end - after[j].start)
     while away + 1 < len(after) and _pose_distance(path, after[away], after[away + 1]) < path.fidget:
         away += 1
     hold_end = after_end = min(after[away].end, limit)
