@@ -178,10 +178,15 @@ def _breath_hold(dose: _Dose, end_s: float) -> Measure:
     hold_end_s = hold.end_s if hold else end_s
     is_seen = any(p.kind is PhaseKind.EXHALE_AFTER and abs(p.start_s - hold_end_s) < 0.1 for p in dose.phases)
     sd = s.sd_breath_hold_s if is_seen else s.sd_breath_unseen_s
-    is_still = dose.motion.activity[dose.samples(end_s + 0.5 * s.max_removal_s, dose.span[1])] < 1.0
-    later_s = float(np.argmax(is_still) if is_still.any() else is_still.size) * dose.motion.step_s
-    if later_s > 0.5 * s.max_removal_s:  # too long for one movement: the breath may have been let out anywhere in it
-        sd = math.hypot(sd, (later_s + 0.5 * s.max_removal_s) / math.sqrt(12.0))
+    removal_s = 0.5 * s.max_removal_s
+    is_still = dose.motion.activity[dose.samples(end_s + removal_s, dose.span[1])] < 1.0
+    moved_s = removal_s + float(np.argmax(is_still) if is_still.any() else is_still.size) * dose.motion.step_s
+    if moved_s <= s.max_removal_s:
+        return Measure(hold_end_s - end_s, sd, None, end_s, hold_end_s)
+    # Too long for one movement: the breath may have been let out anywhere in it; it was, where little stillness follows.
+    sd = math.hypot(sd, moved_s / math.sqrt(12.0))
+    if 0.0 < hold_end_s - end_s < 2.0 * moved_s:
+        hold_end_s = end_s + 0.5 * (removal_s + moved_s)
     return Measure(hold_end_s - end_s, sd, None, end_s, hold_end_s)
 
 
