@@ -277,7 +277,7 @@ class PhaseSettings:
     min_untilted_stay_s: float = 0.7
     fidget: float = 0.7  # clear movements: less ends neither a pause nor a held breath
     mouth_m: float = 0.15  # two stays at one mouth are not farther apart
-    min_lift_share: float = 0.6  # of the lift to the inhalation
+    min_lift_share: float = 0.5  # of the lift to the inhalation
     away_m: float = 0.10  # farther from the mouth than this, the device has left it, and than what the head carries it
     mouth_sway_m: float = 0.06
     head_arm_m: float = 0.2  # from neck to mouth

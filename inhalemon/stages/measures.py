@@ -183,7 +183,7 @@ def _breath_hold(dose: _Dose, end_s: float) -> Measure:
     moved_s = removal_s + float(np.argmax(is_still) if is_still.any() else is_still.size) * dose.motion.step_s
     if moved_s <= s.max_removal_s:
         return Measure(hold_end_s - end_s, sd, None, end_s, hold_end_s)
-    # Too long for one movement: the breath may have been let out anywhere in it; it was, where little stillness follows.
+    # Too long for one movement: the breath may have been let out anywhere in it, and was, if little stillness follows.
     sd = math.hypot(sd, moved_s / math.sqrt(12.0))
     if 0.0 < hold_end_s - end_s < 2.0 * moved_s:
         hold_end_s = end_s + 0.5 * (removal_s + moved_s)

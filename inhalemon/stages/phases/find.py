@@ -115,10 +115,22 @@ def _one_a_dose(
     kept = [_at_mouth(rivals, settings) for rivals in parts.values()]
     if is_ellipta or not early:
         return kept
-    # Before any preparation nothing is inhaled without a press; a glance at the counter lifts less than a breath.
-    least_m = max([settings.min_lift_m, *(settings.min_lift_share * stay.lift_m for stay in kept)])
-    early = [replace(stay, is_tilted=stay.is_pressed and stay.is_tilted) for stay in early if stay.lift_m > least_m]
+    # Before any preparation nothing is inhaled without a press.
+    early = [stay if stay.is_pressed else replace(stay, is_tilted=False) for stay in early]
+    early = [stay for stay in early if stay.lift_m > settings.min_lift_m and _is_alike(stay, kept, settings)]
     return [_at_mouth(early, settings), *kept] if early else kept
+
+
+def _is_alike(early: Stay, kept: Sequence[Stay], settings: PhaseSettings) -> bool:
+    """Whether a stay looks like the later ones before their tilt-back; a glance at the counter does not.
+
+    That lifts the device less and turns its face to the eyes. Places before and after a shake cannot be compared.
+    """
+    if not kept:
+        return True
+    is_lifted = early.lift_m > settings.min_lift_share * max(stay.lift_m for stay in kept)
+    turned = [abs(early.elevation_rad - (stay.elevation_rad - stay.gain_rad)) for stay in kept]
+    return is_lifted and (early.is_tilted or min(turned) < settings.usual_tilt_back_rad)
 
 
 def _at_mouth(rivals: Sequence[Stay], settings: PhaseSettings) -> Stay:
