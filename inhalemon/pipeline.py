@@ -37,7 +37,7 @@ from inhalemon.values import (
 )
 
 # Raised whenever a score of the same recording can move.
-PIPELINE_VERSION = "1"
+PIPELINE_VERSION = "2"
 
 
 @functools.cache
