@@ -274,9 +274,9 @@ class PhaseSettings:
     pause_speed: float = 0.3  # clear movements a second
     settling_s: float = 0.6  # a hand settles within this
     min_likeness: float = 0.55
+    one_trait: float = 0.25  # of likeness, as each of the four traits adds
     min_untilted_stay_s: float = 0.7
     fidget: float = 0.7  # clear movements: less ends neither a pause nor a held breath
-    mouth_m: float = 0.15  # two stays at one mouth are not farther apart
     min_lift_share: float = 0.5  # of the lift to the inhalation
     away_m: float = 0.10  # farther from the mouth than this, the device has left it, and than what the head carries it
     mouth_sway_m: float = 0.06

@@ -116,9 +116,15 @@ def test_no_hold_after_the_inhalation_is_a_hold_of_nothing():
 
 
 def test_a_breath_whose_end_no_stillness_shows_is_less_sure():
+    """Of 4 s of moving the first 0.7 take the device away; with little stillness after, the breath goes in the rest."""
+    phases = (*PHASES[:7], Phase(PhaseKind.HANDLING, 18.5, 20.0), *PHASES[8:])
     motion = still(30.0)
-    moving = replace(motion, activity=np.where((motion.time_s > 13.5) & (motion.time_s < 16.0), 5.0, 0.0))
-    assert measured(moving)["breath_hold_s"].sd > 0.5 > measured()["breath_hold_s"].sd
+    moving = replace(motion, activity=np.where((motion.time_s > 13.5) & (motion.time_s < 17.5), 5.0, 0.0))
+    sure, unsure = measured(phases=phases)["breath_hold_s"], measured(moving, phases=phases)["breath_hold_s"]
+    assert sure.value == pytest.approx(5.0)
+    assert sure.sd < 0.3
+    assert unsure.value == pytest.approx(0.5 * (0.7 + 4.0), abs=0.02)
+    assert unsure.sd == pytest.approx(math.hypot(0.2, 3.3 / math.sqrt(12.0)), abs=0.01)
 
 
 def test_of_presses_that_cannot_be_told_apart_the_first_is_the_largest():

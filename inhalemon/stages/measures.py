@@ -176,17 +176,16 @@ def _breath_hold(dose: _Dose, end_s: float) -> Measure:
     if hold is not None and hold.end_s >= dose.motion.time_s[-1] - 0.1:
         return Measure(None, reason="recording_ended_before")
     hold_end_s = hold.end_s if hold else end_s
-    is_seen = any(p.kind is PhaseKind.EXHALE_AFTER and abs(p.start_s - hold_end_s) < 0.1 for p in dose.phases)
-    sd = s.sd_breath_hold_s if is_seen else s.sd_breath_unseen_s
-    removal_s = 0.5 * s.max_removal_s
+    if any(p.kind is PhaseKind.EXHALE_AFTER and abs(p.start_s - hold_end_s) < 0.1 for p in dose.phases):
+        return Measure(hold_end_s - end_s, s.sd_breath_hold_s, None, end_s, hold_end_s)
+    sd, removal_s = s.sd_breath_unseen_s, 0.5 * s.max_removal_s
     is_still = dose.motion.activity[dose.samples(end_s + removal_s, dose.span[1])] < 1.0
     moved_s = removal_s + float(np.argmax(is_still) if is_still.any() else is_still.size) * dose.motion.step_s
-    if moved_s <= s.max_removal_s:
-        return Measure(hold_end_s - end_s, sd, None, end_s, hold_end_s)
-    # Too long for one movement: the breath may have been let out anywhere in it, and was, if little stillness follows.
-    sd = math.hypot(sd, moved_s / math.sqrt(12.0))
-    if 0.0 < hold_end_s - end_s < 2.0 * moved_s:
-        hold_end_s = end_s + 0.5 * (removal_s + moved_s)
+    if moved_s > s.max_removal_s:
+        # Too long for one movement: the breath may have been let out in it, and was, if little stillness follows.
+        sd = math.hypot(sd, (moved_s - removal_s) / math.sqrt(12.0))
+        if 0.0 < hold_end_s - end_s < 2.0 * moved_s:
+            hold_end_s = end_s + 0.5 * (removal_s + moved_s)
     return Measure(hold_end_s - end_s, sd, None, end_s, hold_end_s)
 
 

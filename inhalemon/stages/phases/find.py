@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -134,9 +133,9 @@ def _is_alike(early: Stay, kept: Sequence[Stay], settings: PhaseSettings) -> boo
 
 
 def _at_mouth(rivals: Sequence[Stay], settings: PhaseSettings) -> Stay:
-    """The stay among rivals where the device is tilted back farthest, at the place that is the mouth likeliest.
+    """The stay among rivals where the device is tilted back farthest, of the visit that is the mouth's likeliest.
 
-    That is the highest place of them, and where the tilt is clearest: nowhere else the device is held as high.
+    That is the highest of them, and where the tilt is clearest: nowhere else the device is held as high.
     """
 
     def preference(stay: Stay) -> float:
@@ -144,9 +143,10 @@ def _at_mouth(rivals: Sequence[Stay], settings: PhaseSettings) -> Stay:
         return stay.likeness + 2.0 * stay.height_m + 0.1 * gain
 
     likeliest = max(rivals, key=preference)
-    tilted = [
-        stay for stay in rivals if stay.is_tilted and math.dist(stay.place_m, likeliest.place_m) < settings.mouth_m
-    ]
+    start, end = likeliest.visit
+    least = likeliest.likeness - settings.one_trait
+    tilted = [stay for stay in rivals if stay.is_tilted and stay.likeness > least]
+    tilted = [stay for stay in tilted if stay.visit[0] < end and stay.visit[1] > start]
     return max(tilted, key=lambda stay: stay.elevation_rad) if tilted else likeliest
 
 

@@ -29,7 +29,7 @@ class Stay:
     likeness: float  # 0 to 1
     gain_rad: float  # how far it is tilted back into the stay
     elevation_rad: float  # of the body's y while it lasts
-    place_m: tuple[float, ...]
+    visit: tuple[int, int]  # from the first to the last hold at this mouth
     height_m: float
     lift_m: float  # above where the device was in the hand before
 
@@ -101,7 +101,7 @@ def find_stays(
                 likeness=likeness,
                 gain_rad=gain_rad,
                 elevation_rad=float(quantile(path.elevation_rad[hold.start : hold.end], 0.5)),
-                place_m=hold.place_m,
+                visit=(holds[first].start, holds[last].end),
                 height_m=hold.height_m,
                 lift_m=lift_m,
             )
