@@ -319,6 +319,8 @@ class MeasureSettings:
 
     sd_press_s: float = 0.015
     sd_inhalation_start_s: float = 0.02
+    sd_onset_carried_s: float = 0.3  # where the tilt-back seems to begin on the way to the mouth
+    carried_m_s: float = 0.15
     sd_inhalation_end_s: float = 0.033
     sd_exhale_pause_s: float = 0.09
     sd_breath_hold_s: float = 0.06  # where a movement shows the breath let out

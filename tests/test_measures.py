@@ -127,6 +127,15 @@ def test_a_breath_whose_end_no_stillness_shows_is_less_sure():
     assert unsure.sd == pytest.approx(math.hypot(0.2, 3.3 / math.sqrt(12.0)), abs=0.01)
 
 
+def test_an_inhalation_that_seems_to_begin_on_the_way_is_less_sure():
+    motion = still(30.0)
+    on_the_way = np.where(np.abs(motion.time_s - 10.0) < 0.5, 0.4, 0.0)
+    carried = replace(motion, velocity_ref_m_s=np.stack([on_the_way, 0 * on_the_way, 0 * on_the_way], axis=1))
+    for name in ("inhalation_start_s", "coordination_s", "inhalation_s"):
+        assert measured(carried)[name].sd >= 0.3
+        assert measured()[name].sd < 0.1
+
+
 def test_of_presses_that_cannot_be_told_apart_the_first_is_the_largest():
     assert measured(events=(press(10.3, 12.0), press(11.5, 12.3)))["press_angle_deg"].start_s == pytest.approx(10.3)
     assert measured(events=(press(10.3, 12.0), press(11.5, 13.5)))["press_angle_deg"].start_s == pytest.approx(11.5)

@@ -123,6 +123,16 @@ class _Dose:
         return float(np.mean(self.motion.activity[in_hand] < 1.0)) < self.settings.min_still_share
 
     @property
+    def sd_onset_s(self) -> float:
+        """Of the inhalation's start: in the middle of being carried, a turn on the way may have been taken for it."""
+        if self.inhale is None:
+            return self.settings.sd_inhalation_start_s
+        onset_s = self.inhale.start_s
+        velocity = self.motion.velocity_ref_m_s[self.samples(onset_s - 0.1, onset_s + 0.1)].mean(axis=0)
+        is_carried = float(np.linalg.norm(velocity)) > self.settings.carried_m_s
+        return self.settings.sd_onset_carried_s if is_carried else self.settings.sd_inhalation_start_s
+
+    @property
     def no_onset(self) -> str:
         return "no_tilt_back_seen" if self.first(PhaseKind.TO_MOUTH) else "no_inhalation_seen"
 
@@ -147,11 +157,11 @@ def _inhalation(dose: _Dose) -> dict[str, Measure]:
     tilt = dose.motion.tilt_rad[dose.samples(held_s, end_s)]
     is_cut = end_s >= dose.motion.time_s[-1] - s.sd_inhalation_end_s
     cut = Measure(None, reason="recording_ended_before")
-    measures["inhalation_start_s"] = Measure(start_s, s.sd_inhalation_start_s, None, start_s, start_s)
+    measures["inhalation_start_s"] = Measure(start_s, dose.sd_onset_s, None, start_s, start_s)
     measures["tilt_at_inhalation_deg"] = Measure(
         math.degrees(float(quantile(tilt, 0.95))), _sd_tilt_deg(dose, start_s), None, start_s, end_s
     )
-    sd = math.hypot(s.sd_inhalation_start_s, s.sd_inhalation_end_s)
+    sd = math.hypot(dose.sd_onset_s, s.sd_inhalation_end_s)
     measures["inhalation_s"] = cut if is_cut else Measure(end_s - start_s, sd, None, start_s, end_s)
     measures["breath_hold_s"] = cut if is_cut else _breath_hold(dose, end_s)
     return measures
@@ -210,7 +220,7 @@ def _interval(dose: _Dose, earlier_s: float | None) -> dict[str, Measure]:
     if dose.inhale is None:
         return {"puff_interval_s": Measure(None, reason=dose.no_onset)}
     start_s = dose.inhale.start_s
-    sd = math.sqrt(2.0) * dose.settings.sd_inhalation_start_s
+    sd = math.hypot(dose.settings.sd_inhalation_start_s, dose.sd_onset_s)
     return {"puff_interval_s": Measure(start_s - earlier_s, sd, None, earlier_s, start_s)}
 
 
@@ -269,7 +279,7 @@ def _press(dose: _Dose) -> dict[str, Measure]:
         missing = Measure(None, reason=dose.no_onset)
         return measures | {"coordination_s": missing, "press_after_mouth_s": missing}
     onset_s = dose.inhale.start_s
-    sd = math.hypot(s.sd_press_s, s.sd_inhalation_start_s)
+    sd = math.hypot(s.sd_press_s, dose.sd_onset_s)
     shown = (min(onset_s, first.start_s), max(onset_s, first.start_s))
     measures["coordination_s"] = Measure(first.start_s - onset_s, sd, None, *shown)
     measures["press_after_mouth_s"] = Measure(
@@ -334,7 +344,7 @@ def _cover(dose: _Dose, device: Device) -> dict[str, Measure]:
     inverted_s = float(np.count_nonzero(tilt > _INVERTED_RAD)) * motion.step_s
     measures["inverted_after_open_s"] = Measure(inverted_s, s.sd_inverted_s if inverted_s else 0.0, None, *where)
     measures["open_to_inhale_s"] = (
-        Measure(inhaled_s - opened_s, math.hypot(s.sd_cover_stop_s, s.sd_inhalation_start_s), None, *where)
+        Measure(inhaled_s - opened_s, math.hypot(s.sd_cover_stop_s, dose.sd_onset_s), None, *where)
         if dose.inhale
         else Measure(None, reason=dose.no_onset)
     )
