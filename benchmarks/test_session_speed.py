@@ -9,7 +9,7 @@ import pytest
 import inhalemon as im
 from inhalemon.pipeline import estimate_tracks
 from inhalemon.report import to_json
-from validation.speed import session_of
+from validation.lengthened import session_of
 
 SECONDS = 60.0
 

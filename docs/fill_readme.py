@@ -1,6 +1,6 @@
-"""Fills the marked parts of README.md with what really comes out: `python docs/fill_readme.py`.
+"""Fills the marked parts of README.md and docs/speed.md with what really comes out: `python docs/fill_readme.py`.
 
-A test compares, so that README never shows another output, example or figure than the real one.
+A test compares, so that neither ever shows another output, example or figure than the real one.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
+SPEED = ROOT / "docs" / "speed.md"
 RESULTS = ROOT / "validation" / "RESULTS.md"
 
 EXAMPLE = """
@@ -34,14 +35,15 @@ print(f"press {coordination.value:.2f} s after the inhalation's start (sd {coord
 """.strip()
 
 
-def filled(text: str) -> str:
-    """README's text with every marked part as it is now."""
-    for name, content in (("demo", demo()), ("example", example()), ("results", results())):
+def fill(document: Path, parts: dict[str, str]) -> None:
+    """Writes each marked part of a document as it is now."""
+    text = document.read_text(encoding="utf-8")
+    for name, content in parts.items():
         pattern = re.compile(rf"(<!-- {name}:begin -->\n).*?(<!-- {name}:end -->)", re.DOTALL)
         if not pattern.search(text):
-            raise ValueError(f"README.md has no part {name}")
+            raise ValueError(f"{document.name} has no part {name}")
         text = pattern.sub(lambda found, content=content: found[1] + content + found[2], text)
-    return text
+    document.write_text(text, encoding="utf-8")
 
 
 def demo() -> str:
@@ -66,6 +68,16 @@ def results() -> str:
     return "\n".join(_targets(RESULTS.read_text(encoding="utf-8"))) + "\n"
 
 
+def profile() -> str:
+    """The table of RESULTS.md that says where the time of one session goes."""
+    found = re.search(
+        r"^### Where the time goes\n.*?(^\|.*?)\n\n", RESULTS.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
+    )
+    if found is None:
+        raise ValueError("RESULTS.md has no table of where the time goes; run `make validate`")
+    return found[1] + "\n"
+
+
 def _targets(text: str) -> Iterator[str]:
     for section in re.split(r"^## ", text, flags=re.MULTILINE)[1:]:
         title, _, body = section.partition("\n")
@@ -81,4 +93,5 @@ def _fenced(language: str, text: str) -> str:
 
 
 if __name__ == "__main__":
-    README.write_text(filled(README.read_text(encoding="utf-8")), encoding="utf-8")
+    fill(README, {"demo": demo(), "example": example(), "results": results()})
+    fill(SPEED, {"profile": profile()})

@@ -24,8 +24,15 @@ def fill():
 @pytest.mark.parametrize("part", ["demo", "example", "results"])
 def test_marked_parts_are_the_real_ones(fill, part):
     """After a change that moves them: `make docs`, and read what it wrote."""
-    shown = re.search(rf"<!-- {part}:begin -->\n(.*?)<!-- {part}:end -->", TEXT, re.DOTALL)[1]
-    assert shown == getattr(fill, part)()
+    assert shown(TEXT, part) == getattr(fill, part)()
+
+
+def test_the_profile_is_that_of_the_last_validation(fill):
+    assert shown((ROOT / "docs" / "speed.md").read_text(encoding="utf-8"), "profile") == fill.profile()
+
+
+def shown(text, part):
+    return re.search(rf"<!-- {part}:begin -->\n(.*?)<!-- {part}:end -->", text, re.DOTALL)[1]
 
 
 @pytest.mark.parametrize("document", sorted(path.relative_to(ROOT).as_posix() for path in ROOT.glob("docs/*.md")))

@@ -1,4 +1,4 @@
-"""Where the CPU time of one session goes, stage by stage: `python -m benchmarks.profile_session`."""
+"""Where the CPU time of one session goes, stage by stage: `python -m validation.profile`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from pathlib import Path
 
 import inhalemon as im
 from inhalemon.report import to_json
-from validation.speed import session_of
+from validation.lengthened import session_of
+from validation.tables import Table
 
 REPEATS = 20
 
@@ -71,7 +72,16 @@ def _score(path: Path) -> None:
     to_json(im.score_recording(im.read_recording(path, device="pmdi")))
 
 
+def table() -> Table:
+    """The rows as a table of RESULTS.md, which `make docs` also puts into docs/speed.md."""
+    return Table(
+        title="Where the time goes",
+        measured_on="the same session; shares are a profiler's, which makes many small calls look dear, times these "
+        "shares of the unprofiled whole",
+        columns=("what", "CPU", "share"),
+        rows=tuple((label, f"{ms:.1f} ms", f"{share:.0%}") for label, ms, share in rows()),
+    )
+
+
 if __name__ == "__main__":
-    print("| what | CPU | share |\n|---|---|---|")
-    for label, ms, share in rows():
-        print(f"| {label} | {ms:.1f} ms | {share:.0%} |")
+    print(table().to_markdown())
