@@ -27,6 +27,7 @@ def test_marked_parts_are_the_real_ones(fill, part):
     assert shown(TEXT, part) == getattr(fill, part)()
 
 
+@pytest.mark.slow  # only a full validation writes it
 def test_the_profile_is_that_of_the_last_validation(fill):
     assert shown((ROOT / "docs" / "speed.md").read_text(encoding="utf-8"), "profile") == fill.profile()
 
