@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 
 # One BLAS and OpenMP thread: arrays here are too short to gain from more, and the same bytes must give the same report
@@ -14,7 +15,12 @@ from inhalemon.cli import run  # noqa: E402 - see above
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
-    raise SystemExit(run())
+    # The libraries load some 100,000 objects that stay to the end. To look through them for rubbish again and again,
+    # and once more on leaving, would be a sixth of the time that one recording takes.
+    gc.set_threshold(10_000)
+    code = run()
+    gc.freeze()
+    raise SystemExit(code)
 
 
 if __name__ == "__main__":
