@@ -89,7 +89,7 @@ def estimate_tracks(recording: Recording, settings: Settings | None = None, *, d
 
 def _with_offset(track: AttitudeTrack, sd_acc_bias_m_s2: float) -> AttitudeTrack:
     """The attitude with the accelerometer's offset in its standard deviation."""
-    return replace(track, sd_tilt_rad=np.hypot(track.sd_tilt_rad, sd_acc_bias_m_s2 / GRAVITY_M_S2))
+    return replace(track, sd_tilt_rad=np.sqrt(track.sd_tilt_rad**2 + (sd_acc_bias_m_s2 / GRAVITY_M_S2) ** 2))
 
 
 def track_lever(recording: Recording, settings: Settings | None = None, *, device: Device | None = None) -> LeverTrack:

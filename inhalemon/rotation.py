@@ -47,8 +47,8 @@ def multiply(p: FloatArray, q: FloatArray) -> FloatArray:
 
 def conjugate(q: FloatArray) -> FloatArray:
     """The opposite rotation: `conjugate(q_a_b)` is `q_b_a`."""
-    opposite: FloatArray = np.asarray(q) * np.array([1.0, -1.0, -1.0, -1.0])
-    return opposite
+    w, x, y, z = components(q)
+    return from_components(w, -x, -y, -z)
 
 
 def normalise(q: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ def resample_attitude(track: AttitudeTrack, time_s: FloatArray) -> AttitudeTrack
     q = components(track.q)
     return AttitudeTrack(
         time_s=time_s,
-        q=slerp(q[:, before].T, q[:, np.minimum(before + 1, n - 1)].T, place - before),
+        q=slerp(q.take(before, axis=1).T, q.take(np.minimum(before + 1, n - 1), axis=1).T, place - before),
         sd_tilt_rad=at_times(track.time_s, track.sd_tilt_rad, time_s),
         gyr_bias_rad_s=at_times(track.time_s, track.gyr_bias_rad_s, time_s),
         r=at_times(track.time_s, track.r, time_s),
@@ -78,7 +78,7 @@ def quantile(values: FloatArray, share: float) -> FloatArray:
 
 def squares(vectors: FloatArray) -> FloatArray:
     """The square (n,) of the length of each of n vectors."""
-    squared: FloatArray = np.einsum("ij,ij->i", vectors, vectors)
+    squared: FloatArray = (vectors * vectors) @ np.ones(vectors.shape[1])  # einsum takes thrice as long row by row
     return squared
 
 

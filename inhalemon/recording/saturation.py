@@ -20,12 +20,9 @@ def saturated(values: FloatArray, full_range: float | None, *, min_flat: float) 
     A flat top at the largest value (three equal samples or more, beyond `min_flat`) counts with a known range too:
     some chips clip elsewhere than at the range they are sold by.
     """
-    largest = values.max(axis=0)
-    smallest = values.min(axis=0)
     is_saturated = np.zeros(len(values), dtype=np.bool_)
-    for axis in range(values.shape[1]):
-        column = values[:, axis]
-        for extreme, sign in ((largest[axis], 1.0), (smallest[axis], -1.0)):
+    for column in np.ascontiguousarray(values.T):
+        for extreme, sign in ((column.max(), 1.0), (column.min(), -1.0)):
             if full_range is not None and sign * extreme >= _NEAR_RANGE * full_range:
                 is_saturated |= sign * column >= _NEAR_RANGE * full_range
             if sign * extreme > min_flat:

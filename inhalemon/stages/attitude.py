@@ -160,7 +160,8 @@ def _smooth(
         n_rows = akf.write_tape(time_s, gyr, acc, flags, r, first, min(first + BLOCK, n), memory(tape), marks.data)
         smoother.run(memory(tape), marks.data, n_rows, q, bias, tilt_var)
         is_row[marks[:n_rows, 0]] = 1
-    without_scale = out.bias[-1] + (np.asarray(gyr) - out.bias[-1]) @ (np.eye(3) - np.reshape(scale, (3, 3))).T
+    too_large = np.reshape(scale, (3, 3)).T  # a share of what is left of the rate without its bias
+    without_scale = np.asarray(gyr) @ (np.eye(3) - too_large) + out.bias[-1] @ too_large
     smoothing.fill(time_s, memory(without_scale), is_row.data, q, bias, tilt_var)
 
 

@@ -102,7 +102,7 @@ def _rates(track: ImuTrack) -> _Rates:
     usual_s = track.usual_step_s
     n_block = max(4, round(_REST_BLOCK_S / usual_s))
     blocks = track.gyr_rad_s[: time_s.size // n_block * n_block].reshape(-1, n_block, 3)
-    means = np.einsum("ijk->ik", blocks) / n_block
+    means = np.full(n_block, 1.0 / n_block) @ blocks
     variance = np.einsum("ijk,ijk->i", blocks, blocks) / n_block - np.einsum("ij,ij->i", means, means)
     stillest = int(np.argmin(variance))
     noise = float(np.sqrt(max(variance[stillest], 0.0)))
@@ -229,7 +229,7 @@ def _refine(
 
     `None` when there are too few, or when no less than the share `beat` of the motion is left unexplained.
     """
-    time_s, gyr_lever = lever.time_s[chosen], lever.gyr_rad_s[:, chosen]
+    time_s, gyr_lever = lever.time_s[chosen], lever.gyr_rad_s.take(chosen, axis=1)
     since = time_s - reference_s
     sd = np.array(
         [np.inf, settings.sd_drift, settings.sd_scale, *[settings.sd_bias_rad_s] * 6, *[settings.sd_axis_rad] * 4]

@@ -52,6 +52,8 @@ def measure_dose(
         measures |= _cover(dose, device)
     else:
         measures |= _shake(dose) | _press(dose)
+    if not motion.is_gap.any():
+        return measures
     return {name: _with_gap(motion, name, measure, settings) for name, measure in measures.items()}
 
 

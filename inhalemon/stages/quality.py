@@ -140,11 +140,12 @@ def _still_blocks(
 ) -> tuple[BoolArray, FloatArray]:
     """Which blocks are still, and the length of the mean specific force in each."""
     means, variances = [], []
+    share = np.full(n_block, 1.0 / n_block)
     for values in (track.gyr_rad_s, track.acc_m_s2):
         blocks = values[: n_blocks * n_block].reshape(n_blocks, n_block, 3)
-        mean = np.einsum("ijk->ik", blocks) / n_block
+        mean = share @ blocks
         means.append(mean)
-        variances.append((np.einsum("ijk,ijk->ik", blocks, blocks) / n_block - mean * mean).max(axis=1))
+        variances.append((share @ (blocks * blocks) - mean * mean).max(axis=1))
     is_still = (variances[0] < settings.max_rest_sd_rad_s**2) & (variances[1] < settings.max_rest_sd_m_s2**2)
     return is_still, lengths(means[1])
 

@@ -129,8 +129,9 @@ def _stretches(values: FloatArray, n: int) -> FloatArray:
 
 def _variance(stretches: FloatArray) -> FloatArray:
     """The variance of all three axes together within each stretch (k,)."""
-    apart = stretches - stretches.mean(axis=1, keepdims=True)
-    variance: FloatArray = np.einsum("ijk,ijk->i", apart, apart) / stretches.shape[1]
+    n = stretches.shape[1]
+    apart = stretches - (np.full((1, n), 1.0 / n) @ stretches)
+    variance: FloatArray = np.einsum("ijk,ijk->i", apart, apart) / n
     return variance
 
 

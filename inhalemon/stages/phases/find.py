@@ -48,7 +48,7 @@ class Evidence:
     """What speaks for each label: by sample (`masks`) and, as a cost, by window."""
 
     windows: Windows
-    masks: dict[PhaseKind, FloatArray]  # (n,) each, 0 to 1
+    masks: FloatArray  # (labels, n), 0 to 1
     costs: FloatArray  # (m, labels)
 
 
@@ -158,10 +158,11 @@ def _masks(
     shakes: Sequence[Shake],
     events: Sequence[Event],
     settings: PhaseSettings,
-) -> dict[PhaseKind, FloatArray]:
-    """How much each sample looks like each step, 0 to 1, (n,) each."""
-    n = motion.time_s.size
-    masks = {kind: np.zeros(n) for kind in LABELS}
+) -> FloatArray:
+    """How much each sample looks like each step, 0 to 1, (labels, n). Handling is half believed everywhere."""
+    all_masks = np.zeros((len(LABELS), motion.time_s.size))
+    masks = dict(zip(LABELS, all_masks, strict=True))
+    masks[PhaseKind.HANDLING][:] = 0.5
     for shake in shakes:
         masks[PhaseKind.SHAKE][motion.index(shake.start_s) : motion.index(shake.end_s) + 1] = 1.0
     for event in events:
@@ -182,42 +183,33 @@ def _masks(
             masks[PhaseKind.INHALE][stay.onset : stay.end] = 1.0
             masks[PhaseKind.BREATH_HOLD][stay.end : stay.hold_end] = 1.0
             masks[PhaseKind.EXHALE_AFTER][stay.hold_end : stay.after_end] = 1.0
-    return masks
+    return all_masks
 
 
-def _costs(masks: dict[PhaseKind, FloatArray], windows: Windows) -> FloatArray:
+def _costs(masks: FloatArray, windows: Windows) -> FloatArray:
     """What each label costs in each window (m, labels): nothing where all speaks for it."""
-    shares = {kind: window_mean(mask, windows.edges) for kind, mask in masks.items()}
-    costs = np.empty((windows.cluster.size, len(LABELS)))
-    for kind in LABELS:
-        costs[:, _COLUMN[kind]] = 3.0 * (1.0 - shares[kind])
+    shares = window_mean(masks, windows.edges).T
+    costs = np.ascontiguousarray(3.0 * (1.0 - shares))
     # What the clusters look like: a shaking one is no rest, a still one no shake, and pauses are still.
     costs[:, _COLUMN[PhaseKind.SHAKE]] += 1.0 - windows.shaking
     costs[:, _COLUMN[PhaseKind.REST]] += 1.0 - windows.stillness
     costs[:, _COLUMN[PhaseKind.EXHALE]] += 0.5 * (1.0 - windows.stillness)
-    costs[:, _COLUMN[PhaseKind.HANDLING]] = 1.2 + shares[PhaseKind.SHAKE] + shares[PhaseKind.REST]
+    shaken, at_rest = shares[:, _COLUMN[PhaseKind.SHAKE]], shares[:, _COLUMN[PhaseKind.REST]]
+    costs[:, _COLUMN[PhaseKind.HANDLING]] = 1.2 + shaken + at_rest
     return costs
 
 
-def _refined(labels: IntArray, masks: dict[PhaseKind, FloatArray]) -> IntArray:
+def _refined(labels: IntArray, masks: FloatArray) -> IntArray:
     """Each boundary between two labels moved to the nearby sample where their own evidence changes."""
     refined = labels.copy()
     reach = 40
     changes = np.flatnonzero(np.diff(labels)) + 1
     for at in changes.tolist():
-        before, after = LABELS[labels[at - 1]], LABELS[labels[at]]
         low, high = max(at - reach, 0), min(at + reach, labels.size)
-        gain = np.zeros(high - low)
-        if after is not PhaseKind.HANDLING:
-            gain += masks[after][low:high] - 0.25
-        else:
-            gain += 0.25
-        if before is not PhaseKind.HANDLING:
-            gain -= masks[before][low:high] - 0.25
-        else:
-            gain -= 0.25
+        gain = masks[labels[at], low:high] - masks[labels[at - 1], low:high]
         # The boundary b maximises the evidence for `after` from b on, and for `before` up to b.
-        from_here = np.concatenate([np.cumsum(gain[::-1])[::-1], [0.0]])
+        from_here = np.zeros(gain.size + 1)
+        from_here[:-1] = gain[::-1].cumsum()[::-1]
         best = low + int(np.argmax(from_here - 1e-6 * np.abs(np.arange(low, high + 1) - at)))
         if best < at:
             refined[best:at] = labels[at]

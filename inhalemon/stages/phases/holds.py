@@ -11,7 +11,7 @@ from inhalemon import _loops_kernel as kernel
 from inhalemon.settings import PhaseSettings
 from inhalemon.signals import close_gaps, drop_short, lengths, memory, moving_mean, quantile, runs
 from inhalemon.stages.phases.path import Path, without_noise
-from inhalemon.values import BoolArray, FloatArray, Motion, Shake
+from inhalemon.values import BoolArray, Motion, Shake
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +47,7 @@ def find_holds(
                 continue
         groups.append([(start, end)])
     holds: list[Hold] = []
+    pose = (memory(path.pose.T), path.pose.shape[1])
     for k, parts in enumerate(groups):
         before = groups[k - 1][-1][1] if k else 0
         after = groups[k + 1][0][0] if k + 1 < len(groups) else motion.time_s.size
@@ -54,8 +55,8 @@ def find_holds(
         shortly = round(settings.setting_off_s * rate)
         settled = min(sum(parts[0]) // 2, parts[0][0] + shortly)
         unsettled = max(sum(parts[-1]) // 2, parts[-1][1] - shortly)
-        first = max(_leaving(path.pose, settled, before - 1), before)
-        last = _leaving(path.pose, unsettled, after)
+        first = max(_leaving(pose, settled, before - 1), before)
+        last = _leaving(pose, unsettled, after)
         if last - first < round(settings.min_hold_s * rate):
             continue  # the hand only paused between two movements
         whole = slice(parts[0][0], parts[-1][1])
@@ -65,7 +66,7 @@ def find_holds(
         if holds and first <= holds[-1].end and is_on_table == holds[-1].on_table:
             first = holds.pop().start  # nothing between the two went far enough to be a movement
         place_m = tuple(quantile(path.place_m[first:last], 0.5).tolist())
-        holds.append(Hold(first, last, place_m, float(quantile(path.height_m[first:last], 0.5)), is_on_table))
+        holds.append(Hold(first, last, place_m, place_m[2] if path.has_place else 0.0, is_on_table))
     return holds
 
 
@@ -81,22 +82,23 @@ def _laid_down(motion: Motion, arrival: int, end: int, settings: PhaseSettings) 
     return low + int(moved[-1]) + 1 if moved.size else low
 
 
-def _leaving(pose: FloatArray, begin: int, stop: int) -> int:
+def _leaving(pose: tuple[memoryview[float], int], begin: int, stop: int) -> int:
     """The sample at which a hold is left: `begin` is within it and `stop` before the next, or after the one before.
+
+    `pose` is the path's, (columns, n), and how many columns there are.
 
     Backwards, from a `begin` after `stop`, it is where the hold is reached. `stop` when it is not left.
     Sway makes small distances uncertain, so the first moments are found backwards from two larger ones: a hand sets off
     somewhere between uniformly accelerated and with the least jerk, distance growing as time squared or cubed.
     """
     step = 1 if stop > begin else -1
-    points = (memory(pose.T), pose.shape[1])
-    far = kernel.first_far(*points, begin, begin, stop, step, 0.6**2)
+    far = kernel.first_far(*pose, begin, begin, stop, step, 0.6**2)
     if far == stop:
         return stop
-    near = kernel.first_near(*points, begin, far, begin - step, -step, 0.25**2)
+    near = kernel.first_near(*pose, begin, far, begin - step, -step, 0.25**2)
     # The hold itself may have wandered: measure again from where it was just before.
     here = begin + step * max(abs(near - begin) - 15, 0)
-    farther = kernel.first_far(*points, here, near, stop, step, 0.6**2)
+    farther = kernel.first_far(*pose, here, near, stop, step, 0.6**2)
     far = far if farther == stop else farther
-    near = kernel.first_near(*points, here, far, begin - step, -step, 0.2**2)
+    near = kernel.first_near(*pose, here, far, begin - step, -step, 0.2**2)
     return begin + step * max(round(abs(near - begin) - 1.4 * abs(far - near)), 0)

@@ -49,12 +49,13 @@ def find_stays(
     bound the steps before and after.
     """
     rate = motion.rate_hz
+    strokes_at = [(motion.index(start_s), motion.index(end_s)) for start_s, end_s in strokes]
     found: list[Stay] = []
     for k, hold in enumerate(holds):
         lasts_s = (hold.end - hold.start) / rate
         if hold.on_table or lasts_s < settings.min_stay_s or (found and hold.end <= found[-1].end):
             continue
-        barrier = _prepared(motion, holds, k, strokes)
+        barrier = _prepared(motion, holds, k, strokes_at)
         since = max(holds[k - 1].end - round(0.1 * rate) if k else 0, barrier)
         since = max(since, hold.start - round(settings.max_tilt_back_s * rate))
         before = min(since, hold.start)
@@ -88,7 +89,7 @@ def find_stays(
         else:
             continue
         end = holds[_while_tilted(path, holds, k, signal, gain_rad) if is_tilted else k].end
-        hold_end, after_end = _afterwards(motion, path, holds, last, strokes, settings)
+        hold_end, after_end = _afterwards(motion, path, holds, last, strokes_at, settings)
         found.append(
             Stay(
                 pause=_pause_before(motion, path, holds, first, barrier, settings),
@@ -142,11 +143,11 @@ def _while_tilted(path: Path, holds: Sequence[Hold], k: int, signal: FloatArray,
     return last
 
 
-def _prepared(motion: Motion, holds: Sequence[Hold], k: int, strokes: Sequence[tuple[float, float]]) -> int:
+def _prepared(motion: Motion, holds: Sequence[Hold], k: int, strokes: Sequence[tuple[int, int]]) -> int:
     """The sample since when the device is in the hand with no stroke of any kind, before the hold `k`."""
     begin = holds[k].start
     taken_up = max((other.end + round(1.0 * motion.rate_hz) for other in holds[:k] if other.on_table), default=0)
-    stroked = max((motion.index(end_s) for start_s, end_s in strokes if motion.index(start_s) < begin), default=0)
+    stroked = max((end for start, end in strokes if start < begin), default=0)
     return min(max(taken_up, stroked), begin)
 
 
@@ -209,14 +210,14 @@ def _afterwards(
     path: Path,
     holds: Sequence[Hold],
     last: int,
-    strokes: Sequence[tuple[float, float]],
+    strokes: Sequence[tuple[int, int]],
     settings: PhaseSettings,
 ) -> tuple[int, int]:
     """Until when the device is held after it was taken away, and until when a small movement and stillness follow.
 
     `last` is its last hold at the mouth.
     """
-    later = [motion.index(start_s) for start_s, _ in strokes if motion.index(start_s) >= holds[last].end]
+    later = [start for start, _ in strokes if start >= holds[last].end]
     limit = min(later, default=motion.time_s.size)
     after = [hold for hold in holds[last + 1 :] if hold.start < limit and not hold.on_table]
     if not after:

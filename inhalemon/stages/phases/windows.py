@@ -41,7 +41,8 @@ class Windows:
 
 
 def window_mean(values: FloatArray, edges: IntArray) -> FloatArray:
-    means: FloatArray = np.add.reduceat(values, edges[:-1]) / np.diff(edges)
+    """Means (..., m) of `values` (..., n) over the windows."""
+    means: FloatArray = np.add.reduceat(values, edges[:-1], axis=-1) / (edges[1:] - edges[:-1])
     return means
 
 
@@ -53,13 +54,13 @@ def cut_windows(motion: Motion, path: Path, shakes: Sequence[Shake], settings: P
     size = max(round(settings.window_s * motion.rate_hz), 2)
     n = motion.time_s.size
     edges = np.append(np.arange(0, max(n - size // 2, 1), size), n)
-    features = _features(motion, path, shakes, edges)
+    is_shaken = window_mean(_shaken(motion, shakes), edges)
+    features = _features(motion, path, is_shaken, edges)
     sd = features.std(axis=0)
     standard = (features - features.mean(axis=0)) / np.where(sd > 1e-9, sd, 1.0)
     first = _farthest(standard, min(settings.n_clusters, standard.shape[0]))
     cluster = _clusters(standard, standard[first])
     is_slow = window_mean(path.speed, edges) < path.still_speed
-    is_shaken = window_mean(_shaken(motion, shakes), edges)
     n_members = np.bincount(cluster, minlength=first.size)
     stillness, shaking = (
         (np.bincount(cluster, weights, minlength=first.size) / np.maximum(n_members, 1))[cluster]
@@ -88,11 +89,11 @@ def _thread_pools() -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def _features(motion: Motion, path: Path, shakes: Sequence[Shake], edges: IntArray) -> FloatArray:
+def _features(motion: Motion, path: Path, is_shaken: FloatArray, edges: IntArray) -> FloatArray:
     rate_energy = window_mean(squares(motion.gyr_rad_s), edges)
     acc_energy = window_mean(squares(motion.acc_ref_m_s2), edges)
     tilt = window_mean(motion.tilt_rad, edges)
-    start, end = np.clip(edges[:-1], 0, tilt.size * 10**9), edges[1:] - 1
+    start, end = edges[:-1], edges[1:] - 1
     lever = window_mean(motion.lever_rad, edges)
     return np.stack(
         [
@@ -103,7 +104,7 @@ def _features(motion: Motion, path: Path, shakes: Sequence[Shake], edges: IntArr
             lever,
             window_mean(motion.lever_rate_rad_s, edges),
             lengths(path.pose[(start + end) // 2] - path.pose[0]),
-            window_mean(_shaken(motion, shakes), edges),
+            is_shaken,
         ],
         axis=1,
     )
