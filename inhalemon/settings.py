@@ -317,18 +317,18 @@ class QualitySettings:
 class MeasureSettings:
     """How sure the measures are: standard deviations of single boundaries and angles, found on simulated sessions."""
 
-    sd_press_s: float = 0.015
-    sd_inhalation_start_s: float = 0.02
+    sd_press_s: float = 0.012
+    sd_inhalation_start_s: float = 0.015
     sd_onset_carried_s: float = 0.3  # where the tilt-back seems to begin on the way to the mouth
     carried_m_s: float = 0.15
     sd_inhalation_end_s: float = 0.033
     sd_exhale_pause_s: float = 0.09
-    sd_breath_hold_s: float = 0.06  # where a movement shows the breath let out
+    sd_breath_hold_s: float = 0.05  # where a movement shows the breath let out
     sd_breath_unseen_s: float = 0.2  # where only the next movement ends it
     max_removal_s: float = 1.4  # of the device from the mouth, in one movement
     sd_shake_s: float = 0.06
     sd_shake_cycles: float = 0.2  # strokes that hardly reach 0.6 g, at either end
-    sd_inverted_s: float = 0.02
+    sd_inverted_s: float = 0.015
     sd_cover_stop_s: float = 0.02
     sd_press_angle_deg: float = 0.3
     sd_cover_angle_deg: float = 1.25
