@@ -122,8 +122,8 @@ def onset(values: FloatArray, low: int, high: int) -> int:
     """
     part = values[low : high + 1]
     done = (part - part[0]) / (part[-1] - part[0]) if part[-1] != part[0] else np.zeros(part.size)
-    half = int(np.argmax(done >= 0.5))
-    begun = np.flatnonzero(done[: half + 1] <= 0.05)
+    half = int((done >= 0.5).argmax())
+    begun = (done[: half + 1] <= 0.05).nonzero()[0]
     if begun.size == 0 or half == 0:
         return low
     first = _crossing(done, int(begun[-1]), 0.05)

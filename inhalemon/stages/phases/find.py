@@ -219,16 +219,17 @@ def _refined(labels: IntArray, masks: FloatArray) -> IntArray:
 
 
 def _as_phases(motion: Motion, labels: IntArray, costs: FloatArray, windows: Windows) -> tuple[Phase, ...]:
-    edges = [0, *(np.flatnonzero(np.diff(labels)) + 1).tolist(), labels.size]
+    edges = np.array([0, *(np.flatnonzero(np.diff(labels)) + 1), labels.size])
+    first_windows = windows.edges.searchsorted(edges[:-1], side="right") - 1
+    last_windows = np.maximum(windows.edges.searchsorted(edges[1:]), first_windows + 1)
+    stretches = zip(itertools.pairwise(edges.tolist()), first_windows.tolist(), last_windows.tolist(), strict=True)
     lowest, next_lowest = np.partition(costs, 1, axis=1)[:, :2].T
     other = np.where(costs <= lowest[:, None], next_lowest[:, None], lowest[:, None])
     surety = 1.0 / (1.0 + np.exp(costs - other))
     phases = []
-    for start, end in itertools.pairwise(edges):
+    for (start, end), first, last in stretches:
         kind = LABELS[labels[start]]
-        first = int(windows.edges.searchsorted(start, side="right")) - 1
-        last = max(int(windows.edges.searchsorted(end, side="left")), first + 1)
-        confidence = float(surety[first:last, _COLUMN[kind]].mean())
+        confidence = float(surety[first:last, _COLUMN[kind]].sum()) / (last - first)
         start_s = float(motion.time_s[start] - 0.5 * motion.step_s) if start else float(motion.time_s[0])
         end_s = float(motion.time_s[end] - 0.5 * motion.step_s) if end < labels.size else float(motion.time_s[-1])
         phases.append(Phase(kind, start_s, end_s, round(confidence, 3)))
