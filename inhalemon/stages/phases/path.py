@@ -33,7 +33,7 @@ def path_of(motion: Motion, on_table: BoolArray, settings: PhaseSettings) -> Pat
     not help, the path is that of the turn alone, of which neither has much.
     """
     in_hand = ~on_table
-    tried = [*((smooth_s, True) for smooth_s in settings.smooth_s), (settings.smooth_s[-1], False)]
+    tried = [(smooth_s, has_place) for has_place in (True, False) for smooth_s in settings.smooth_s]
     for smooth_s, has_place in tried:
         path = _smoothed(motion, smooth_s, settings, has_place=has_place)
         if not in_hand.any() or np.mean(path.speed[in_hand] < settings.still_speed) >= settings.min_still_share:
