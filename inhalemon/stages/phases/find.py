@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from inhalemon.devices import Device
 from inhalemon.settings import PhaseSettings
@@ -17,6 +18,8 @@ from inhalemon.stages.phases.stays import Stay, find_stays
 from inhalemon.stages.phases.windows import Windows, cut_windows, window_mean
 from inhalemon.values import DeviceKind, Event, EventKind, FloatArray, IntArray, Motion, Phase, PhaseKind, Shake
 
+# 0, 0.5 or 1: half the bytes of a double hold that, and an hour has 360,000 samples.
+Masks = NDArray[np.float32]
 _COLUMN = {kind: k for k, kind in enumerate(LABELS)}
 
 
@@ -48,7 +51,7 @@ class Evidence:
     """What speaks for each label: by sample (`masks`) and, as a cost, by window."""
 
     windows: Windows
-    masks: FloatArray  # (labels, n), 0 to 1
+    masks: Masks  # (labels, n)
     costs: FloatArray  # (m, labels)
 
 
@@ -158,9 +161,9 @@ def _masks(
     shakes: Sequence[Shake],
     events: Sequence[Event],
     settings: PhaseSettings,
-) -> FloatArray:
+) -> Masks:
     """How much each sample looks like each step, 0 to 1, (labels, n). Handling is half believed everywhere."""
-    all_masks = np.zeros((len(LABELS), motion.time_s.size))
+    all_masks: Masks = np.zeros((len(LABELS), motion.time_s.size), dtype=np.float32)
     masks = dict(zip(LABELS, all_masks, strict=True))
     masks[PhaseKind.HANDLING][:] = 0.5
     for shake in shakes:
@@ -186,7 +189,7 @@ def _masks(
     return all_masks
 
 
-def _costs(masks: FloatArray, windows: Windows) -> FloatArray:
+def _costs(masks: Masks, windows: Windows) -> FloatArray:
     """What each label costs in each window (m, labels): nothing where all speaks for it."""
     shares = window_mean(masks, windows.edges).T
     costs = np.ascontiguousarray(3.0 * (1.0 - shares))
@@ -199,7 +202,7 @@ def _costs(masks: FloatArray, windows: Windows) -> FloatArray:
     return costs
 
 
-def _refined(labels: IntArray, masks: FloatArray) -> IntArray:
+def _refined(labels: IntArray, masks: Masks) -> IntArray:
     """Each boundary between two labels moved to the nearby sample where their own evidence changes."""
     refined = labels.copy()
     reach = 40

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from inhalemon.settings import PhaseSettings
 from inhalemon.signals import lengths, squares
@@ -40,7 +41,7 @@ class Windows:
     shaking: FloatArray  # (m,) 0 to 1, of the window's cluster
 
 
-def window_mean(values: FloatArray, edges: IntArray) -> FloatArray:
+def window_mean(values: NDArray[np.floating], edges: IntArray) -> FloatArray:
     """Means (..., m) of `values` (..., n) over the windows."""
     means: FloatArray = np.add.reduceat(values, edges[:-1], axis=-1) / (edges[1:] - edges[:-1])
     return means
