@@ -219,15 +219,13 @@ def test_axis_steps_are_one_two_or_five(step, nice):
 
 @pytest.mark.browser
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_page_zooms_reads_and_fits_in_a_real_browser(page, tmp_path, scheme):
+def test_page_zooms_reads_and_fits_in_a_real_browser(page, tmp_path, chromium, scheme):
     """Debian's Chromium: a finding zooms to its place, keys and the button bring all back, nothing is logged."""
-    playwright = pytest.importorskip("playwright.sync_api")
     file = tmp_path / "session.html"
     file.write_text(page, encoding="utf-8")
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox", "--disable-gpu"])
-        tab = browser.new_page(viewport={"width": 360, "height": 800}, color_scheme=scheme)
-        told: list[str] = []
+    told: list[str] = []
+    with chromium.new_context(viewport={"width": 360, "height": 800}, color_scheme=scheme) as context:
+        tab = context.new_page()
         tab.on("console", lambda message: told.append(message.text))
         tab.on("pageerror", lambda error: told.append(str(error)))
         tab.on("request", lambda request: told.append(request.url) if not request.url.startswith("file:") else None)
@@ -247,5 +245,4 @@ def test_page_zooms_reads_and_fits_in_a_real_browser(page, tmp_path, scheme):
         tab.keyboard.press("ArrowRight")
         tab.keyboard.press("0")
         assert tab.evaluate(f"{view}.width") == pytest.approx(whole[1])
-        browser.close()
     assert told == []
