@@ -25,7 +25,9 @@ def test_options_and_exit_code_are_those_of_the_service():
     assert serve("--nonsense").returncode == 2
 
 
-@pytest.mark.parametrize(("kill", "number"), [(os.killpg, signal.SIGINT), (os.kill, signal.SIGTERM)])
+@pytest.mark.parametrize(
+    ("kill", "number"), [(os.killpg, signal.SIGINT), (os.kill, signal.SIGTERM), (os.kill, signal.SIGHUP)]
+)
 def test_a_signal_ends_the_service_and_leaves_nothing_running(tmp_path, kill, number):
     """Ctrl-C reaches the whole group, as the terminal sends it; a supervisor's SIGTERM the one process it started."""
     command = [sys.executable, "-m", "inhalemon", "serve", "--port", "0", "--data-dir", tmp_path / "data"]
