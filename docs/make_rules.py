@@ -30,7 +30,8 @@ files in `inhalemon/data/rules`, read by one small engine that knows none of the
 
 Counts are compared at the half between two whole numbers: a count is undecided only by its own standard deviation.
 Conditions joined by *and* and *or* follow Kleene's logic: a measure that is missing or too close to its limit matters
-only where it could change the verdict. A rule may have several levels; failing a graver one fails the wider ones.
+only where it could change the verdict. A rule may have several levels: it fails at
+the gravest that surely holds, and passes only where surely none does.
 
 A rule that another failed rule implies is `not_assessable` with `reason: implied_by:RULE`, so that one slip is counted
 once. Nothing is passed in silence: what these sensors cannot see stands in every report.

@@ -132,6 +132,8 @@ AROUND_THE_LIMITS = [
     ("press_late", "pmdi", "default", {"coordination_s": None, "press_after_mouth_s": 1.0}, FAIL, CRITICAL),
     ("press_late", "pmdi", "default", {"coordination_s": 1.5, "press_after_mouth_s": None}, FAIL, MAJOR),
     ("press_late", "pmdi", "default", {"coordination_s": None}, NONE, MAJOR),
+    ("press_late", "pmdi", "default", {"coordination_s": 0.5, "press_after_mouth_s": (0.05, 0.03)}, OPEN, CRITICAL),
+    ("press_late", "pmdi", "default", {"coordination_s": 0.5, "press_after_mouth_s": None}, NONE, CRITICAL),
     ("press_late", "pmdi", "default", {"coordination_s": None, "press_after_mouth_s": None}, NONE, CRITICAL),
     ("no_inhalation", "pmdi", "default", {"mouth_stays": 0, "inhalation_start_s": None}, FAIL, CRITICAL),
     ("no_inhalation", "pmdi", "default", {"inhalation_start_s": None}, NONE, CRITICAL),
@@ -238,6 +240,22 @@ def test_missing_measure_is_never_passed_in_silence():
         assert {finding.verdict for finding in found} == {NONE}
         assert all(finding.reason for finding in found)
         assert score(found).grade is Grade.NOT_ASSESSABLE
+
+
+@pytest.mark.parametrize(
+    ("value", "verdict", "severity"), [(4.0, FAIL, CRITICAL), (9.9, OPEN, CRITICAL), (12, PASS, None)]
+)
+def test_graver_level_that_is_wider_than_a_lighter_one_is_not_passed_in_silence(tmp_path, value, verdict, severity):
+    """Nothing makes a rule file's levels parts of one another."""
+    file = tmp_path / "own.toml"
+    file.write_text(
+        "[rules.breath_hold_too_short.when]\n"
+        'critical = { measure = "breath_hold_s", is = "<", limit = 10.0, dead_band = 0.5 }\n'
+        'minor = { measure = "breath_hold_s", is = "<", limit = 5.0, dead_band = 0.5 }\n'
+    )
+    measures = {name: Measure(number, 0.0) for name, number in (PMDI | {"breath_hold_s": value}).items()}
+    found = {f.rule: f for f in apply_rules(measures, load_device("pmdi"), load_rules(file))}["breath_hold_too_short"]
+    assert (found.verdict, found.severity) == (verdict, severity)
 
 
 def test_unusable_session_is_assessed_in_nothing():

@@ -105,7 +105,7 @@ class Unless:
 class Rule:
     """One mistake: when it is one, how grave, and where the numbers come from.
 
-    `levels` go from the gravest to the widest: what fails a graver level fails the wider ones too.
+    `levels` go from the gravest to the lightest. The gravest that surely holds is the mistake; a pass is when none can.
     `applies`: where its condition does not hold the rule is not assessable, with its reason.
     `doubt`: while its condition holds a pass is indeterminate, with its reason.
     `never_decided` is the reason why sensors can never decide the rule; such a rule has no levels.

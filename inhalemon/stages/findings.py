@@ -160,21 +160,24 @@ def _finding(rule: Rule, view: _View, unusable: str | None, cause: Rule | None) 
 
 
 def _judged(rule: Rule, view: _View) -> Finding:
-    """The verdict of a rule that applies: the gravest level that holds, or else whether the widest one does not."""
+    """The verdict of a rule that applies: the gravest level that surely holds, and a pass where surely none does.
+
+    Levels need not be parts of one another, so a graver one that is open leaves the rule open although wider ones are
+    not. What is told of an open rule is its gravest open level.
+    """
     outcomes = [(level.severity, _outcome(level.when, view)) for level in rule.levels]
     for severity, outcome in outcomes:
         if outcome.truth is _Truth.YES:
             return _told(rule, view, Verdict.FAIL, severity, outcome)
+    for severity, outcome in outcomes:
+        if outcome.truth is not _Truth.NO:
+            verdict = Verdict.INDETERMINATE if outcome.truth is _Truth.CLOSE else Verdict.NOT_ASSESSABLE
+            return _told(rule, view, verdict, severity, outcome)
     widest_severity, widest = outcomes[-1]
-    if widest.truth is _Truth.NO:
-        doubt = _outcome(rule.doubt.condition, view) if rule.doubt is not None else None
-        if rule.doubt is not None and doubt is not None and doubt.truth is _Truth.YES:
-            doubted = replace(doubt, reason=rule.doubt.reason)
-            return _told(rule, view, Verdict.INDETERMINATE, widest_severity, doubted)
-        return _told(rule, view, Verdict.PASS, None, widest)
-    gravest_open = next(severity for severity, outcome in outcomes if outcome.truth is not _Truth.NO)
-    verdict = Verdict.INDETERMINATE if widest.truth is _Truth.CLOSE else Verdict.NOT_ASSESSABLE
-    return _told(rule, view, verdict, gravest_open, widest)
+    doubt = _outcome(rule.doubt.condition, view) if rule.doubt is not None else None
+    if rule.doubt is not None and doubt is not None and doubt.truth is _Truth.YES:
+        return _told(rule, view, Verdict.INDETERMINATE, widest_severity, replace(doubt, reason=rule.doubt.reason))
+    return _told(rule, view, Verdict.PASS, None, widest)
 
 
 def _outcome(condition: Condition, view: _View) -> _Outcome:
