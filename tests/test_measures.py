@@ -61,6 +61,14 @@ def test_times_between_steps_are_their_differences():
     assert all(measure.sd is None or measure.sd >= 0.0 for measure in m.values())
 
 
+def test_shaking_lasts_from_the_first_to_the_last_stroke_whatever_lies_between():
+    first, again = (Shake(start_s + STROKES_S[:4] - 3.0, start_s + STROKES_S[:4] - 2.875) for start_s in (3.0, 8.0))
+    m = measured(shakes=(first, again))
+    assert m["shake_duration_s"].value == pytest.approx(again.end_s - first.start_s)
+    assert m["shake_duration_s"].value == pytest.approx(5.5)
+    assert m["shake_cycles"].value == 4.0
+
+
 def test_a_press_before_the_inhalation_is_negative():
     assert measured(events=(press(9.0),))["coordination_s"].value == pytest.approx(-1.0)
 

@@ -241,13 +241,12 @@ def _shake(dose: _Dose) -> dict[str, Measure]:
         }
     start_s, end_s = before[0].start_s, before[-1].end_s
     strokes = sum(shake.stroke_end_s.size for shake in before)
-    duration_s = sum(shake.end_s - shake.start_s for shake in before)
     to_press = Measure(None, reason="no_press")
     if press:
         sd = math.hypot(s.sd_shake_s, s.sd_press_s)
         to_press = Measure(press.start_s - end_s, sd, None, end_s, press.start_s)
     return {
-        "shake_duration_s": Measure(duration_s, math.sqrt(2.0) * s.sd_shake_s, None, start_s, end_s),
+        "shake_duration_s": Measure(end_s - start_s, math.sqrt(2.0) * s.sd_shake_s, None, start_s, end_s),
         "shake_cycles": Measure(strokes / 2.0, s.sd_shake_cycles, None, start_s, end_s),
         "shake_to_press_s": to_press,
     }
