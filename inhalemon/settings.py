@@ -60,7 +60,7 @@ class ClockSettings:
     max_sd_offset_s: float = 0.004
     tolerance_rad_s: float = 0.05  # rates that differ by less agree ...
     tolerance_share: float = 0.02  # ... and by less of themselves: crossed axes
-    min_agreed: float = 0.8
+    min_agreed: float = 0.4  # half a period off, a fifth does; stamps that jitter by 1 ms take it down to a half
     max_share_left: float = 0.01
     max_share_noise: float = 0.25  # with the sensors' own noise, where motion is faint
 

@@ -45,6 +45,19 @@ def test_offset_and_drift_are_recovered_to_two_milliseconds(
         assert np.abs(aligned.lever.time_s - true_s).max() < 0.002
 
 
+@pytest.mark.parametrize("rate_hz", [50.0, 100.0])
+def test_stamps_that_jitter_hide_no_lag(rate_hz: float) -> None:
+    """The samples are taken some milliseconds from when their stamps say."""
+    recording, true_s = _exact_session("pmdi", 8, rate_hz)
+    track = recording.lever
+    taken_s = track.time_s + np.random.default_rng(8).normal(0.0, 0.003, track.n_samples)
+    gyr = np.stack([np.interp(taken_s, track.time_s, column) for column in track.gyr_rad_s.T], axis=1)
+    jittered = dataclasses.replace(recording, lever=dataclasses.replace(track, gyr_rad_s=gyr))
+    aligned, fit = align_clocks(_with_clock(jittered, 0.08, 5e-5), ClockSettings())
+    assert fit.is_found
+    assert np.abs(aligned.lever.time_s - true_s).max() < 0.002
+
+
 def test_without_shaking_the_other_motion_is_enough() -> None:
     recording, true_s = _exact_session("pmdi", 5, 50.0, mistakes=("not_shaken",))
     aligned, fit = align_clocks(_with_clock(recording, 0.015, 5e-5), ClockSettings())
