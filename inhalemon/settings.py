@@ -195,7 +195,6 @@ class LeverSettings:
 class MotionSettings:
     """How the motion of the inhaler in the room is described."""
 
-    rate_hz: float = 100.0  # the even grid on which everything after this stage works
     long_gap_s: float = 0.1  # missing samples for longer than this are not bridged in silence
     block_s: float = 0.04  # step of the velocity solution
     still_acc_m_s2: float = 0.25  # spread of the slow inertial acceleration in a hand that holds still

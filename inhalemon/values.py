@@ -242,12 +242,15 @@ class Motion:
     activity: FloatArray  # (n,) below 1 while a hand holds still
     lever_rad: FloatArray  # (n,) positive when pressed or opened
     lever_rate_rad_s: FloatArray  # (n,)
-    sd_lever_rad: FloatArray  # (n,)
     is_gap: BoolArray  # (n,) nothing was measured here
 
     @property
     def step_s(self) -> float:
         return 1.0 / self.rate_hz
+
+    def edge_s(self, number: int) -> float:
+        """Where a step begins, and with the number of samples where the last one ends: with the session."""
+        return float(self.time_s[0]) + (number - 0.5) * self.step_s
 
     def index(self, at_s: float) -> int:
         """The sample nearest to a time, within the grid."""

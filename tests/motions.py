@@ -39,7 +39,6 @@ def still(duration_s: float, rate_hz: float = 100.0) -> Motion:
         activity=zero,
         lever_rad=zero,
         lever_rate_rad_s=zero,
-        sd_lever_rad=np.full(n, np.radians(0.3)),
         is_gap=np.zeros(n, dtype=np.bool_),
     )
 
@@ -94,8 +93,7 @@ def check_phases(report: Report) -> None:
         assert before.end_s == after.start_s
         assert before.kind is not after.kind
     assert all(phase.end_s > phase.start_s for phase in phases)
-    # Half a step of the 100 Hz grid at either end.
-    assert abs(phases[-1].end_s - phases[0].start_s - report.duration_s) < 0.02
+    assert abs(phases[-1].end_s - phases[0].start_s - report.duration_s) < 1e-9
     assert all(0.0 <= phase.confidence <= 1.0 for phase in phases)
 
 

@@ -77,6 +77,16 @@ def test_phases_cover_the_second_generators_sessions(attack):
     check_phases(im.score_recording(recording))
 
 
+@pytest.mark.parametrize(("device", "rate_hz"), [("pmdi", 37.0), ("ellipta", 200.0)])
+def test_phases_and_doses_reach_from_the_first_sample_to_the_last(device, rate_hz):
+    recording, _ = im.simulate_session(device, seed=3, rate_hz=rate_hz)
+    report = im.score_recording(recording)
+    ends_s = recording.body.time_s[[0, -1]].tolist()
+    for parts in (report.phases, report.doses):
+        assert [parts[0].start_s, parts[-1].end_s] == pytest.approx(ends_s, abs=1e-9)
+    assert report.duration_s == pytest.approx(ends_s[1] - ends_s[0], abs=1e-9)
+
+
 def test_a_device_that_never_moves_is_only_handled_or_at_rest():
     """Nothing is inhaled, shaken or opened by a device that stands still; nor does k-means warn of equal windows."""
     for device in DEVICES:

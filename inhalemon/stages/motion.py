@@ -11,6 +11,7 @@ from inhalemon.signals import at_times, moving_mean, squares
 from inhalemon.values import AttitudeTrack, BoolArray, FloatArray, LeverTrack, Motion, Recording
 
 GRAVITY_M_S2 = 9.80665
+RATE_HZ = 100.0  # of the grid, give or take half a step in all: hands do nothing quicker than a tremor, 12 Hz
 
 # The velocity solution: what a hand does, in SI units.
 _SD_ACC_M_S2 = 0.15  # per block, what attitude and accelerometer get wrong from block to block
@@ -26,8 +27,6 @@ def describe_motion(
     attitude: AttitudeTrack,
     lever: LeverTrack,
     settings: MotionSettings | None = None,
-    *,
-    lever_sign: float = 1.0,
 ) -> Motion:
     """Attitude, motion in the room and lever angle of a session on one even grid.
 
@@ -39,28 +38,29 @@ def describe_motion(
     """
     settings = settings or MotionSettings()
     body = recording.body
-    step = 1.0 / settings.rate_hz
-    # Half a step inside the ends, so that rounding never asks for a sample outside.
-    n = max(int(np.floor((body.time_s[-1] - body.time_s[0]) * settings.rate_hz + 0.5)), 2)
-    time_s = body.time_s[0] + (np.arange(n) + 0.5) * step
-    width = max(round(body.rate_hz / settings.rate_hz), 1)
+    # Equal steps that cover the session from its first sample to its last; the grid's times are their middles.
+    length_s = float(body.time_s[-1] - body.time_s[0])
+    n = max(round(length_s * RATE_HZ), 2)
+    rate_hz = n / length_s
+    time_s = body.time_s[0] + (np.arange(n) + 0.5) / rate_hz
+    width = max(round(body.rate_hz / RATE_HZ), 1)
 
     q = normalise(_on_grid(time_s, attitude.time_s, attitude.q, 1))
     gyr = _on_grid(time_s, body.time_s, body.gyr_rad_s - attitude.gyr_bias_rad_s, width)
     force = _on_grid(time_s, body.time_s, body.acc_m_s2, width)
     acc_ref = rotate(q, force)
     acc_ref[:, 2] -= GRAVITY_M_S2
-    angle = lever_sign * _on_grid(time_s, lever.time_s, lever.angle_rad, 1)
+    angle = _on_grid(time_s, lever.time_s, lever.angle_rad, 1)
 
     is_gap = _in_gaps(time_s, body.time_s, settings.long_gap_s) | _in_gaps(
         time_s, recording.lever.time_s, settings.long_gap_s
     )
-    activity = _activity(acc_ref, gyr, settings)
-    velocity, offset = _velocity(acc_ref, activity, is_gap, settings)
+    activity = _activity(acc_ref, gyr, rate_hz, settings)
+    velocity, offset = _velocity(acc_ref, activity, is_gap, rate_hz, settings)
     up = up_in(q)
     return Motion(
         time_s=time_s,
-        rate_hz=settings.rate_hz,
+        rate_hz=rate_hz,
         tilt_rad=tilt_from_upright(q),
         elevation_rad=np.arcsin(np.clip(up[:, 1], -1.0, 1.0)),
         sd_tilt_rad=at_times(attitude.time_s, attitude.sd_tilt_rad, time_s),
@@ -68,11 +68,10 @@ def describe_motion(
         force_m_s2=force,
         acc_ref_m_s2=acc_ref - offset,
         velocity_ref_m_s=velocity,
-        height_m=np.cumsum(velocity[:, 2]) * step,
+        height_m=np.cumsum(velocity[:, 2]) / rate_hz,
         activity=activity,
         lever_rad=angle,
-        lever_rate_rad_s=np.gradient(angle, step),
-        sd_lever_rad=at_times(lever.time_s, lever.sd_rad, time_s),
+        lever_rate_rad_s=np.gradient(angle, 1.0 / rate_hz),
         is_gap=is_gap,
     )
 
@@ -89,22 +88,22 @@ def _in_gaps(grid_s: FloatArray, time_s: FloatArray, long_gap_s: float) -> BoolA
     return is_gap
 
 
-def _activity(acc_ref: FloatArray, gyr: FloatArray, settings: MotionSettings) -> FloatArray:
+def _activity(acc_ref: FloatArray, gyr: FloatArray, rate_hz: float, settings: MotionSettings) -> FloatArray:
     """How far from still, 1 at the border: slow acceleration's spread over 0.4 s and slow angular rate, in squares.
 
     Both are smoothed over 0.2 s first, which takes away most of a tremor of 6-12 Hz.
     """
-    slow = moving_mean(acc_ref, round(0.2 * settings.rate_hz))
-    wide = round(0.4 * settings.rate_hz)
+    slow = moving_mean(acc_ref, round(0.2 * rate_hz))
+    wide = round(0.4 * rate_hz)
     spread = moving_mean(squares(slow), wide) - squares(moving_mean(slow, wide))
-    turning = moving_mean(gyr, round(0.2 * settings.rate_hz))
+    turning = moving_mean(gyr, round(0.2 * rate_hz))
     still_acc, still_gyr = settings.still_acc_m_s2, settings.still_gyr_rad_s
     activity: FloatArray = np.maximum(spread, 0.0) / still_acc**2 + squares(turning) / still_gyr**2
     return activity
 
 
 def _velocity(
-    acc_ref: FloatArray, activity: FloatArray, is_gap: BoolArray, settings: MotionSettings
+    acc_ref: FloatArray, activity: FloatArray, is_gap: BoolArray, rate_hz: float, settings: MotionSettings
 ) -> tuple[FloatArray, FloatArray]:
     """Velocity in the room and the acceleration's slow offset, (n, 3) each, on the grid.
 
@@ -112,10 +111,10 @@ def _velocity(
     sum (v_{k+1} - v_k - (a_k - b_k) T)^2 / (sd_acc T)^2 + v_k^2 / r_k + (b_{k+1} - b_k)^2 / (walk^2 T) + b_k^2 / B.
     """
     n = activity.size
-    size = max(round(settings.block_s * settings.rate_hz), 1)
+    size = max(round(settings.block_s * rate_hz), 1)
     edges = np.arange(0, n, size)
     m = edges.size
-    dt = size / settings.rate_hz
+    dt = size / rate_hz
     lengths = np.diff(np.append(edges, n))
     acc = np.add.reduceat(acc_ref, edges, axis=0) / lengths[:, None]
     level = np.maximum.reduceat(activity, edges)

@@ -233,7 +233,5 @@ def _as_phases(motion: Motion, labels: IntArray, costs: FloatArray, windows: Win
     for (start, end), first, last in stretches:
         kind = LABELS[labels[start]]
         confidence = float(surety[first:last, _COLUMN[kind]].sum()) / (last - first)
-        start_s = float(motion.time_s[start] - 0.5 * motion.step_s) if start else float(motion.time_s[0])
-        end_s = float(motion.time_s[end] - 0.5 * motion.step_s) if end < labels.size else float(motion.time_s[-1])
-        phases.append(Phase(kind, start_s, end_s, round(confidence, 3)))
+        phases.append(Phase(kind, motion.edge_s(start), motion.edge_s(end), round(confidence, 3)))
     return tuple(phases)
