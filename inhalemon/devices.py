@@ -95,7 +95,7 @@ def _shipped(name: str) -> Device:
 def _parsed(text: str, where: str) -> dict[str, object]:
     try:
         return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # not TOML, a number without end, or nested without end
         raise DeviceError(f"{where}: {error}. Give a readable TOML file") from error
 
 

@@ -1,6 +1,7 @@
 """Every number that may be tuned, one frozen dataclass a stage; `Settings` holds them all.
 
-A field's name ends in its unit. A settings file is TOML with one table a stage; what it leaves out keeps its default.
+A field's name ends in its unit; its type says its range (`ranges.py`), which `SettingsError` holds to.
+A settings file is TOML with one table a stage; what it leaves out keeps its default.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ import tomllib
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, Self, get_type_hints
+from typing import Annotated, Any, Self
 
 from inhalemon.exceptions import SettingsError
+from inhalemon.ranges import Block, NotNegative, Range, Share, check_fields, field_types
 
 
 class AttitudeMethod(StrEnum):
@@ -30,24 +32,27 @@ class AttitudeMethod(StrEnum):
 class ClockSettings:
     """Two sensors, two clocks: how the offset and drift between them are sought."""
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+
     # The coarse search: offsets beyond this are believed only when they agree better by `near_preference`.
     max_offset_s: float = 0.5
     near_preference: float = 0.2
-    coarse_bin_s: float = 0.02
+    coarse_bin_s: Block = 0.02
     faint_rad_s: float = 0.1  # slower motion than this counts little
     chunk_s: float = 120.0  # the liveliest stretch, where drift cannot mislead yet
-    peak_share: float = 0.5  # other lags that agree half as well are tried too
+    peak_share: Share = 0.5  # other lags that agree half as well are tried too
     max_peaks: int = 8
-    clear_share: float = 0.001  # of the motion unexplained, and ...
+    clear_share: Share = 0.001  # of the motion unexplained, and ...
     clear_agreed: float = 0.95  # ... of it within tolerance in a typical second: no other lag can be right
     # The fine fit.
-    max_samples: int = 1500
+    max_samples: Annotated[int, Range(100, 100_000)] = 1500
     min_samples: int = 50
     n_iterations: int = 12
     max_step_s: float = 0.03
     converged_s: float = 1e-4
     converged_rest: float = 3e-3  # biases (rad/s) and axes (rad)
-    tukey: float = 4.685  # 95 % efficient on Gaussian noise
+    tukey: Annotated[float, Range(1.0, 1e3)] = 4.685  # 95 % efficient on Gaussian noise
     sd_noise_rad_s: float = 0.01
     # What is known before: crystals agree to some 50 ppm, chips' own oscillators worse; gyroscopes' scales to some 3 %;
     # the hinge axes are near x to some 10 degrees; biases reach some 15 deg/s where no rest tells them.
@@ -59,8 +64,8 @@ class ClockSettings:
     sd_floor_s: float = 2e-4
     max_sd_offset_s: float = 0.004
     tolerance_rad_s: float = 0.05  # rates that differ by less agree ...
-    tolerance_share: float = 0.02  # ... and by less of themselves: crossed axes
-    min_agreed: float = 0.4  # half a period off, a fifth does; stamps that jitter by 1 ms take it down to a half
+    tolerance_share: Share = 0.02  # ... and by less of themselves: crossed axes
+    min_agreed: Share = 0.4  # half a period off, a fifth does; stamps that jitter by 1 ms take it down to a half
     max_share_left: float = 0.01
     max_share_noise: float = 0.25  # with the sensors' own noise, where motion is faint
 
@@ -69,8 +74,11 @@ class ClockSettings:
 class SensorSettings:
     """How the sensors' biases are found from the shut lever and from gravity, in a finished recording."""
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+
     is_used: bool = True
-    block_s: float = 0.2
+    block_s: Block = 0.2
     max_gap_s: float = 0.05  # a block with a longer gap is left out
     min_common_s: float = 2.0  # of both sensors, and of the shut lever
     sd_gyr_rad_s: float = math.radians(0.3)  # of a block's mean: tremor, a soft lever
@@ -81,7 +89,7 @@ class SensorSettings:
     min_across_rad_s: float = math.radians(15.0)  # slower turns across the hinge say nothing of the lever's angle
     max_hinge_rate_rad_s: float = math.radians(5.0)
     shut_band_rad: float = math.radians(5.0)  # a weak press is more
-    quiet_s: float = 0.5
+    quiet_s: Block = 0.5
     quiet_acc_m_s2: float = 0.15
     quiet_gyr_rad_s: float = math.radians(3.0)
     sd_acc_bias_m_s2: float = 0.3  # LSM9DS1 datasheet: 90 mg as three standard deviations
@@ -95,39 +103,48 @@ class AttitudeSettings:
     Numbers come from data sheets (MPU-9250, LSM9DS1) and from how hands move; none was fitted to one recording.
     """
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+
     method: AttitudeMethod = AttitudeMethod.AKF
     smooth: bool = True  # use the whole recording for every sample; False: only what came before, as while recording
     is_adaptive: bool = True  # False: R stays `r_start_m2_s2` (for comparison)
     update_s: float = 0.12  # between corrections: drift is slow beside it, and 0.04 is hardly better on any recording
 
     # the sensor's errors
-    gyr_delay_s: float = 0.002  # the gyro's low-pass is late: MPU-9250, 1 ms at 250 Hz, 2.9 ms at 184, 3.9 ms at 92
-    sd_delay_s: float = 0.001
-    gyr_noise_deg_sqrt_s: float = 0.01  # MPU-9250: 0.01 deg/s/sqrt(Hz)
+    gyr_delay_s: NotNegative = (
+        0.002  # the gyro's low-pass is late: MPU-9250, 1 ms at 250 Hz, 2.9 ms at 184, 3.9 ms at 92
+    )
+    sd_delay_s: NotNegative = 0.001
+    gyr_noise_rad_sqrt_s: float = math.radians(0.01)  # MPU-9250: 0.01 deg/s/sqrt(Hz)
     gyr_scale_error: float = 0.002  # noise that grows with the rate: nonlinear, and scales change, by so much ...
     gyr_scale_time_s: float = 0.3  # ... and a stroke of a hand lasts so long
-    bias_walk_deg_s_sqrt_s: float = 0.01
+    bias_walk_rad_s_sqrt_s: float = math.radians(0.01)
     acc_noise_m_s_sqrt_s: float = 0.01
-    sd_acc_bias_m_s2: float = (
+    sd_acc_bias_m_s2: NotNegative = (
         0.3  # not seen by the filter, added to sd: 90 mg as three standard deviations, and mounting
     )
 
     # samples that cannot be trusted
-    clip_rate_deg_s: float = 200.0  # the same reading three times running, beyond this, is taken for clipped
+    clip_rate_rad_s: float = math.radians(
+        200.0
+    )  # the same reading three times running, beyond this, is taken for clipped
     clip_acc_m_s2: float = 15.0
-    gyr_saturated_deg_sqrt_s: float = 30.0
+    gyr_saturated_rad_sqrt_s: float = math.radians(30.0)
     acc_saturated_m_s_sqrt_s: float = 3.0
     gap_s: float = 0.05  # steps longer than this are gaps: the rate between is unknown by `gap_rate_deg_s`
-    gap_rate_deg_s: float = 60.0
+    gap_rate_rad_s: float = math.radians(60.0)
     gap_acc_m_s2: float = 2.0
     reset_gap_s: float = 1.0  # after a longer gap the tilt starts anew
 
     # the start
     start_s: float = 1.0  # while recording: so long the tilt is that of the mean specific force
-    sd_start_tilt_deg: float = 40.0
+    sd_start_tilt_rad: float = math.radians(40.0)
     sd_start_velocity_m_s: float = 1.0
-    sd_start_bias_deg_s: float = 3.0  # MPU-9250: +-5 deg/s, LSM9DS1: +-30; a rest is believed beyond it
-    sd_start_scale: float = 0.005  # gyro scales and crossed axes: MPU-9250 3 % and 2 % at most, calibrated ones less
+    sd_start_bias_rad_s: float = math.radians(3.0)  # MPU-9250: +-5 deg/s, LSM9DS1: +-30; a rest is believed beyond it
+    sd_start_scale: NotNegative = (
+        0.005  # gyro scales and crossed axes: MPU-9250 3 % and 2 % at most, calibrated ones less
+    )
 
     # the measurement "the velocity is zero, give or take R"
     window_s: float = 3.0
@@ -138,33 +155,29 @@ class AttitudeSettings:
     r_start_s: float = 2.0
 
     # rest, where the gyro reads its bias
-    rest_rate_deg_s: float = 1.0  # the largest deviation from the mean of a rest
+    rest_rate_rad_s: float = math.radians(1.0)  # the largest deviation from the mean of a rest
     rest_acc_m_s2: float = 0.3
     rest_min_s: float = 0.7
-    rest_bias_deg_sqrt_s: float = 0.05
-    rest_bias_gate_deg_s: float = 1.0
+    rest_bias_rad_sqrt_s: float = math.radians(0.05)
+    rest_bias_gate_rad_s: float = math.radians(1.0)
     rest_r_m_sqrt_s: float = 0.02
 
     # the source's filter: noises of the MPU-9250's data sheet; it names no window
-    source_gyr_noise_deg_s: float = 0.1
+    source_gyr_noise_rad_s: float = math.radians(0.1)
     source_acc_noise_m_s2: float = 0.08
     source_window_n: int = 50
-
-    def __post_init__(self) -> None:
-        try:
-            object.__setattr__(self, "method", AttitudeMethod(self.method))
-        except ValueError as error:
-            wanted = ", ".join(AttitudeMethod)
-            raise SettingsError(f"method is {self.method!r}; expected one of {wanted}") from error
 
 
 @dataclass(frozen=True, slots=True)
 class LeverSettings:
     """How the lever's angle is found from two attitudes."""
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+
     smooth: bool = True
     # The heading between the two rooms: a Kalman filter on blocks.
-    block_s: float = 0.2
+    block_s: Block = 0.2
     sd_hinge_rad: float = math.radians(0.5)  # of the hinge's direction between the attitudes, until the data tell
     sd_hinge_s: float = 0.6  # how much data that is worth
     scatter_window_s: float = 3.0  # the data that tell
@@ -174,7 +187,9 @@ class LeverSettings:
     heading_walk_rad_s: float = math.radians(0.014)  # per root of a second: two gyros, each as in its attitude
     min_shown: float = 0.03  # of 1: blocks in which the hinge is more upright than this say nothing
     max_surprise: float = 3.0  # standard deviations
-    sd_acc_change_m_s2: float = 0.1  # an accelerometer's error that changes with attitude: scale and crossed axes, 1 %
+    sd_acc_change_m_s2: NotNegative = (
+        0.1  # an accelerometer's error that changes with attitude: scale and crossed axes, 1 %
+    )
     # The hinge axes.
     sd_axis_rad: float = math.radians(3.0)  # how well the profile's axis is known before
     axis_memory_s: float = 4.0  # what biased accelerometers make of one pose lasts as long as the pose
@@ -188,15 +203,18 @@ class LeverSettings:
     max_shut_change_rad: float = math.radians(0.5)  # from block to block
     shut_width_rad: float = math.radians(2.0)
     min_shut_s: float = 0.6
-    min_shut_share: float = 0.1  # of the longest stay at one angle
+    min_shut_share: Share = 0.1  # of the longest stay at one angle
 
 
 @dataclass(frozen=True, slots=True)
 class MotionSettings:
     """How the motion of the inhaler in the room is described."""
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+
     long_gap_s: float = 0.1  # missing samples for longer than this are not bridged in silence
-    block_s: float = 0.04  # step of the velocity solution
+    block_s: Block = 0.04  # step of the velocity solution
     still_acc_m_s2: float = 0.25  # spread of the slow inertial acceleration in a hand that holds still
     still_gyr_rad_s: float = 0.12  # slow angular rate of a hand that holds still, 7 deg/s
 
@@ -204,6 +222,9 @@ class MotionSettings:
 @dataclass(frozen=True, slots=True)
 class ShakeSettings:
     """What counts as shaking."""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     stroke_m_s2: float = 0.6 * 9.80665
     min_strokes: int = 4  # fewer are bumps
@@ -215,6 +236,9 @@ class ShakeSettings:
 @dataclass(frozen=True, slots=True)
 class EventSettings:
     """How strokes of the lever or cover are found."""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     smooth_s: float = 0.03
     min_stroke_rad: float = math.radians(1.5)  # of an uncalibrated lever: less is play or a bump
@@ -235,11 +259,14 @@ class EventSettings:
 class PhaseSettings:
     """How the session is cut into phases."""
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+
     window_s: float = 0.2
     n_clusters: int = 8
     # Holding still.
     smooth_s: tuple[float, ...] = (0.1, 0.3)  # as little as shows the hand still: it walks, or sits in a car
-    min_still_share: float = 0.25  # of the time in the hand
+    min_still_share: Share = 0.25  # of the time in the hand
     still_speed: float = 0.7  # clear movements a second: 7 deg/s, 3.5 cm/s
     times_sway: float = 2.0  # the speed of a hand in the stillest quarter of its time
     max_still_speed: float = 1.5
@@ -250,7 +277,7 @@ class PhaseSettings:
     clear_turn_rad: float = math.radians(10.0)
     clear_move_m: float = 0.05
     # Lying on a table: below a hand's tremor, above the sensors' noise.
-    table_window_s: float = 0.5
+    table_window_s: Block = 0.5
     noise_smooth_s: float = 0.04
     noise_left: float = 0.6  # of the variance that smoothing takes away, more where samples are bridged
     table_acc_m_s2: float = 0.04
@@ -276,7 +303,7 @@ class PhaseSettings:
     one_trait: float = 0.25  # of likeness, as each of the four traits adds
     min_untilted_stay_s: float = 0.7
     fidget: float = 0.7  # clear movements: less ends neither a pause nor a held breath
-    min_lift_share: float = 0.5  # of the lift to the inhalation
+    min_lift_share: Share = 0.5  # of the lift to the inhalation
     away_m: float = 0.10  # farther from the mouth than this, the device has left it, and than what the head carries it
     mouth_sway_m: float = 0.06
     head_arm_m: float = 0.2  # from neck to mouth
@@ -289,15 +316,18 @@ class PhaseSettings:
 class QualitySettings:
     """From where on a recording is doubtful, and from where on it cannot be used."""
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+
     min_gap_s: float = 0.05  # fixed by the recording format
-    max_gap_share: float = 0.3  # of the session missing; beyond, unusable
-    max_gyr_saturated_share: float = 0.2
-    max_acc_saturated_share: float = 0.5
+    max_gap_share: Share = 0.3  # of the session missing; beyond, unusable
+    max_gyr_saturated_share: Share = 0.2
+    max_acc_saturated_share: Share = 0.5
     rate_block: int = 50  # samples whose median step is compared
     max_rate_change: float = 0.1
-    max_stuck_share: float = 0.9
+    max_stuck_share: Share = 0.9
     # Rest: two blocks in a row below both deviations, per axis; within `end_s` of the session's start or end.
-    rest_block_s: float = 0.25
+    rest_block_s: Block = 0.25
     max_rest_sd_rad_s: float = 0.0175  # 1 deg/s
     max_rest_sd_m_s2: float = 0.3
     end_s: float = 3.0
@@ -305,8 +335,8 @@ class QualitySettings:
     unusable_gravity_excess_m_s2: float = 4.9  # half of g: the unit must be wrong
     max_clock_offset_s: float = 0.01
     max_clock_drift_s: float = 0.005  # what drift adds up to over the session
-    min_common_share: float = 0.9
-    unusable_common_share: float = 0.5
+    min_common_share: Share = 0.9
+    unusable_common_share: Share = 0.5
     max_axis_rad: float = 0.175  # the format promises frames to within 10 degrees
     max_off_axis_rad: float = 0.175
     max_angle_sd_rad: float = 0.35  # 20 degrees: no stroke of a lever can be told
@@ -315,6 +345,9 @@ class QualitySettings:
 @dataclass(frozen=True, slots=True)
 class MeasureSettings:
     """How sure the measures are: standard deviations of single boundaries and angles, found on simulated sessions."""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     sd_press_s: float = 0.012
     sd_inhalation_start_s: float = 0.015
@@ -334,14 +367,17 @@ class MeasureSettings:
     sd_cover_shut_deg: float = 0.8
     sd_mount_rad: float = math.radians(1.5)  # of the sensor against the part, unknown to the filter
     left_mouth_m: float = 0.05
-    min_still_share: float = 0.2  # of the time in the hand: a hand that is stiller shows what it did not do
+    min_still_share: Share = 0.2  # of the time in the hand: a hand that is stiller shows what it did not do
     max_gap_s: float = 0.5  # a longer gap within a measure's stretch leaves it without a value
-    max_gap_share: float = 0.25  # of the stretch
+    max_gap_share: Share = 0.25  # of the stretch
 
 
 @dataclass(frozen=True)  # without slots, so that the digest is worked out once
 class Settings:
     """All settings of the pipeline; frozen, hashable, the same digest for the same numbers."""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     clocks: ClockSettings = field(default_factory=ClockSettings)
     sensors: SensorSettings = field(default_factory=SensorSettings)
@@ -374,13 +410,13 @@ class Settings:
         try:
             text = str(source) if is_text else Path(source).read_text(encoding="utf-8")
             return cls.from_mapping(tomllib.loads(text), where=where)
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        except (OSError, ValueError, RecursionError) as error:  # not there, not text, not TOML, or nested without end
             raise SettingsError(f"{where}: {error}. Give a readable TOML file") from error
 
     @classmethod
     def from_mapping(cls, tables: dict[str, object], *, where: str = "settings") -> Self:
         """Settings from nested mappings, one a stage. Raises `SettingsError`."""
-        stages = get_type_hints(cls)
+        stages = field_types(cls)  # type: ignore[arg-type]  # a class can be hashed
         given: dict[str, Any] = {}
         for name, table in tables.items():
             if name not in stages:
@@ -398,26 +434,11 @@ class Settings:
 
 
 def _stage_from_mapping(stage: type, table: dict[str, object], where: str) -> object:
-    types = get_type_hints(stage)
-    values: dict[str, object] = {}
-    for name, found in table.items():
-        if name not in types:
-            raise SettingsError(f"{where}: {name} is unknown; expected one of {', '.join(types)}")
-        values[name] = _checked(found, types[name], f"{where} {name}")
+    names = field_types(stage)
+    for name in table:
+        if name not in names:
+            raise SettingsError(f"{where}: {name} is unknown; expected one of {', '.join(names)}")
     try:
-        return stage(**values)
-    except SettingsError as error:  # a value out of its range, told by the stage's own __post_init__
+        return stage(**table)
+    except SettingsError as error:
         raise SettingsError(f"{where}: {error}") from error
-
-
-def _checked(found: object, wanted: type, where: str) -> object:
-    if isinstance(wanted, type) and issubclass(wanted, StrEnum):
-        try:
-            return wanted(str(found))
-        except ValueError as error:
-            raise SettingsError(f"{where} is {found!r}; expected one of {', '.join(wanted)}") from error
-    if wanted is float and isinstance(found, int) and not isinstance(found, bool):
-        return float(found)
-    if not isinstance(found, wanted) or (wanted is int and isinstance(found, bool)):
-        raise SettingsError(f"{where} is {found!r}; expected {wanted.__name__}")
-    return found

@@ -44,7 +44,8 @@ def at_times(time_s: FloatArray, values: FloatArray, at_s: FloatArray) -> FloatA
 
 
 def moving_mean(values: FloatArray, width: int) -> FloatArray:
-    """Mean over a centred window of `width` samples; at the ends over what is there. Shape as given."""
+    """Mean over a centred window of `width` samples, at least one; at the ends over what is there. Shape as given."""
+    width = max(width, 1)
     rows = np.ascontiguousarray(np.atleast_2d(values.T))
     n = values.shape[0]
     before, after = min(width // 2, n), min(width - width // 2, n)

@@ -191,7 +191,7 @@ def test_tilt_does_not_depend_on_how_the_chip_sits_in_the_part(settings):
     q_chip = from_rotation_vector(np.array([0.7, -0.4, 1.1]))
     seen = ImuTrack(track.time_s, rotate(q_chip, track.acc_m_s2), rotate(q_chip, track.gyr_rad_s))
     settings = dataclasses.replace(
-        settings, clip_rate_deg_s=1e9, clip_acc_m_s2=1e9, rest_min_s=1e9
+        settings, clip_rate_rad_s=1e6, clip_acc_m_s2=1e6, rest_min_s=1e6
     )  # those are per axis
     q, q_seen = (estimate_attitude(t, settings).q for t in (track, seen))
     assert inclination_deg(multiply(q_seen, q_chip), q).max() < 1e-6
@@ -286,7 +286,7 @@ def test_large_bias_without_any_rest_is_found_from_motion_alone():
 
     It does when nothing holds R below what a hand can do, and then the filter never finds back.
     """
-    unheld = dataclasses.replace(CAUSAL, r_largest_m2_s2=1e9)
+    unheld = dataclasses.replace(CAUSAL, r_largest_m2_s2=1e6)
     for seed in range(3):
         track, q_true = waving(seed, rest_s=-2.0, duration_s=60.0, bias_deg_s=(30.0, 20.0, 0.0))
         error, error_unheld = (
@@ -318,7 +318,7 @@ def test_clipped_rates_do_harm_for_a_while_only(settings, is_told):
     estimate = estimate_attitude(told, settings)
     blind = estimate_attitude(
         ImuTrack(track.time_s, acc, np.clip(gyr, -largest, largest)),
-        dataclasses.replace(settings, clip_rate_deg_s=1e9),
+        dataclasses.replace(settings, clip_rate_rad_s=1e6),
     )
     after = track.time_s > 25.4
     error, error_blind = (np.sqrt(np.mean(inclination_deg(e.q, q_true)[after] ** 2)) for e in (estimate, blind))
@@ -334,12 +334,12 @@ def test_peaks_of_coarse_readings_are_not_taken_for_clipped():
     coarse = dataclasses.replace(track, gyr_rad_s=np.round(3.0 * track.gyr_rad_s / step) * step / 3.0)
     gyr = np.abs(coarse.gyr_rad_s)
     is_same = (np.diff(coarse.gyr_rad_s, axis=0)[1:] == 0.0) & (np.diff(coarse.gyr_rad_s, axis=0)[:-1] == 0.0)
-    least_deg_s = 60.0
+    least_rad_s = np.radians(60.0)
     later = coarse.time_s[2:, None] > 15.0
-    assert (is_same & later & (gyr[2:] > np.radians(least_deg_s)) & (gyr[2:] < 0.99 * gyr[:6000].max())).any()
+    assert (is_same & later & (gyr[2:] > least_rad_s) & (gyr[2:] < 0.99 * gyr[:6000].max())).any()
     sd, sd_never = (
-        estimate_attitude(coarse, dataclasses.replace(CAUSAL, clip_rate_deg_s=limit)).sd_tilt_rad
-        for limit in (least_deg_s, 1e9)
+        estimate_attitude(coarse, dataclasses.replace(CAUSAL, clip_rate_rad_s=limit)).sd_tilt_rad
+        for limit in (least_rad_s, 1e6)
     )
     assert np.allclose(sd[6000:], sd_never[6000:], rtol=0.1)
 

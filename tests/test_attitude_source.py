@@ -90,13 +90,13 @@ def test_f_turns_as_the_gyro_says():
 def by_the_book(track, settings):
     """(1)-(12), (16) and (17), in numpy, one line an equation; the repairs are marked."""
     n_window = settings.source_window_n if settings.method == "akf_source" else None
-    q_var = np.radians(settings.source_gyr_noise_deg_s) ** 2
+    q_var = settings.source_gyr_noise_rad_s**2
     r = np.eye(3) * settings.source_acc_noise_m_s2**2
     up = track.acc_m_s2[0] / np.linalg.norm(track.acc_m_s2[0])
     x = to_source(Rotation.align_vectors([[0, 0, 1]], [up])[0].as_quat(scalar_first=True))
     half_way = np.array([1 + up[2], up[1], -up[0], 0.0])  # the smallest turn; align_vectors leaves the heading open
     x = to_source(half_way / np.linalg.norm(half_way))
-    p = np.eye(4) * np.radians(settings.sd_start_tilt_deg) ** 2 / 4
+    p = np.eye(4) * settings.sd_start_tilt_rad**2 / 4
     found, innovations, spreads = [x], [], []
     for k in range(1, track.n_samples):
         dt = track.time_s[k] - track.time_s[k - 1]

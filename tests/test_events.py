@@ -113,6 +113,10 @@ def test_a_cover_that_springs_back_from_its_end_stop_has_opened_when_it_rests():
     assert opened.angle_deg == pytest.approx(95.0, rel=0.01)
 
 
+def test_a_cover_that_never_moves_has_no_events():
+    assert find_events(still(6.0), (), ELLIPTA) == ()
+
+
 def test_a_plain_hinge_has_no_events():
     motion = with_pulses(still(6.0), (2.0, 0.2, 0.4, 0.2, rad(40.0)))
     assert find_events(motion, (), load_device("hinge")) == ()

@@ -8,6 +8,7 @@ in `tests/authorities/` (`python -m validation.hinge --save`).
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 import sys
 import tempfile
@@ -41,11 +42,13 @@ QMT_SETTINGS: dict[str, dict[str, dict[str, str | float]]] = {
         "tuned": {"constraint": "proj", "windowTime": 8.0, "tauDelta": 5.0, "tauBias": 5.0, "alignment": "backward"},
     },
 }
-BIAS_REMOVED = 0.5  # deg/s: what VQF takes for known at the start, too; the rest's bias is removed for every method
+BIAS_REMOVED_RAD_S = math.radians(
+    0.5
+)  # what VQF takes for known at the start, too; the rest's bias is removed for every method
 
 
 def _told(settings: Settings) -> Settings:
-    return replace(settings, attitude=replace(settings.attitude, sd_start_bias_deg_s=BIAS_REMOVED))
+    return replace(settings, attitude=replace(settings.attitude, sd_start_bias_rad_s=BIAS_REMOVED_RAD_S))
 
 
 SETTINGS = {"finished": _told(Settings()), "under way": _told(Settings.causal())}

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import functools
 import logging
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -170,22 +169,22 @@ def _new_filter(settings: AttitudeSettings) -> kernel.AttitudeFilter:
     akf = kernel.AttitudeFilter()
     akf.update_s = settings.update_s
     akf.gyr_delay_s = settings.gyr_delay_s
-    akf.gyr_q = math.radians(settings.gyr_noise_deg_sqrt_s) ** 2
+    akf.gyr_q = settings.gyr_noise_rad_sqrt_s**2
     akf.rate_q = settings.gyr_scale_error**2 * settings.gyr_scale_time_s
-    akf.bias_q = math.radians(settings.bias_walk_deg_s_sqrt_s) ** 2
+    akf.bias_q = settings.bias_walk_rad_s_sqrt_s**2
     akf.acc_q = settings.acc_noise_m_s_sqrt_s**2
-    akf.clip_rate = math.radians(settings.clip_rate_deg_s)
+    akf.clip_rate = settings.clip_rate_rad_s
     akf.clip_acc = settings.clip_acc_m_s2
-    akf.gyr_saturated_q = math.radians(settings.gyr_saturated_deg_sqrt_s) ** 2
+    akf.gyr_saturated_q = settings.gyr_saturated_rad_sqrt_s**2
     akf.acc_saturated_q = settings.acc_saturated_m_s_sqrt_s**2
     akf.start_s = settings.start_s
     akf.gap_s = settings.gap_s
     akf.reset_gap_s = settings.reset_gap_s
-    akf.gap_rate_var = math.radians(settings.gap_rate_deg_s) ** 2
+    akf.gap_rate_var = settings.gap_rate_rad_s**2
     akf.gap_acc_var = settings.gap_acc_m_s2**2
-    akf.tilt_var = math.radians(settings.sd_start_tilt_deg) ** 2
+    akf.tilt_var = settings.sd_start_tilt_rad**2
     akf.velocity_var = settings.sd_start_velocity_m_s**2
-    akf.bias_var = math.radians(settings.sd_start_bias_deg_s) ** 2
+    akf.bias_var = settings.sd_start_bias_rad_s**2
     akf.scale_var = settings.sd_start_scale**2
     akf.r_is_constant = not settings.is_adaptive
     akf.r_factor = settings.r_factor_s
@@ -194,11 +193,11 @@ def _new_filter(settings: AttitudeSettings) -> kernel.AttitudeFilter:
     akf.r_floor = settings.r_floor_m2_s2
     akf.r_largest = settings.r_largest_m2_s2
     akf.window_s = settings.window_s
-    akf.rest_rate = math.radians(settings.rest_rate_deg_s)
+    akf.rest_rate = settings.rest_rate_rad_s
     akf.rest_acc = settings.rest_acc_m_s2
     akf.rest_min_s = settings.rest_min_s
-    akf.rest_bias_q = math.radians(settings.rest_bias_deg_sqrt_s) ** 2
-    akf.rest_bias_gate = math.radians(settings.rest_bias_gate_deg_s) ** 2
+    akf.rest_bias_q = settings.rest_bias_rad_sqrt_s**2
+    akf.rest_bias_gate = settings.rest_bias_gate_rad_s**2
     akf.rest_r = settings.rest_r_m_sqrt_s**2
     return akf
 
@@ -225,12 +224,12 @@ def _source(track: ImuTrack, settings: AttitudeSettings) -> AttitudeTrack:
     n = track.n_samples
     x, tilt_var, r = np.empty((n, 4)), np.empty(n), np.empty(n)
     of_source = source_kernel.SourceFilter()
-    of_source.gyr_var = math.radians(settings.source_gyr_noise_deg_s) ** 2
+    of_source.gyr_var = settings.source_gyr_noise_rad_s**2
     of_source.acc_var = settings.source_acc_noise_m_s2**2
     of_source.g = GRAVITY_M_S2
     of_source.n_window = settings.source_window_n if settings.method is AttitudeMethod.AKF_SOURCE else 1
     of_source.x = to_source(_upright_start(track)).tolist()
-    of_source.p = (np.eye(4).ravel() * math.radians(settings.sd_start_tilt_deg) ** 2 / 4).tolist()
+    of_source.p = (np.eye(4).ravel() * settings.sd_start_tilt_rad**2 / 4).tolist()
     window = np.empty((of_source.n_window, 12))
     samples = (memory(track.time_s), memory(track.gyr_rad_s), memory(track.acc_m_s2))
     of_source.run(*samples, memory(window), memory(x), memory(tilt_var), memory(r))
@@ -248,7 +247,7 @@ def _gyro(track: ImuTrack, settings: AttitudeSettings) -> AttitudeTrack:
     )
     since_s = track.time_s - track.time_s[0]
     start = abs(float(np.linalg.norm(track.acc_m_s2[0])) / GRAVITY_M_S2 - 1.0)
-    bias_sd = math.radians(settings.sd_start_bias_deg_s)
+    bias_sd = settings.sd_start_bias_rad_s
     sd = np.sqrt(start**2 + (settings.sd_acc_bias_m_s2 / GRAVITY_M_S2) ** 2 + (bias_sd * since_s) ** 2)
     return AttitudeTrack(track.time_s, q, sd, bias, np.zeros(n))
 

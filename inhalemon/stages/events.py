@@ -37,7 +37,7 @@ def find_events(
         begins = [stroke.begin for stroke in strokes[1:]] + [motion.time_s.size - 1]
         return tuple(
             _cover_event(motion, stroke, _settled(angle, stroke, begin, motion, settings))
-            for stroke, begin in zip(strokes, begins, strict=True)
+            for stroke, begin in zip(strokes, begins, strict=False)  # without a stroke there is the end alone
         )
     return tuple(_presses(motion, strokes, shakes, device, settings))
 
