@@ -23,19 +23,17 @@ class Device:
     """One kind of inhaler as far as two inertial sensors are concerned.
 
     The hinge axis is in the body frame; the lever's or cover's angle times `hinge_sign` grows when it is used.
-    `full_travel_rad` is `None` while the device is not calibrated: then `nominal_travel_rad` says where the end stop is
-    expected. `rule_set` names the device kind whose rules apply.
+    `kind` is the manoeuvre that it is used with, and whose rules apply. `full_travel_rad` is `None` while the device is
+    not calibrated. `steps` is the order that `order_violations` is counted against.
     """
 
     name: str
     title: str
     kind: DeviceKind
-    rule_set: DeviceKind
     moving_part: str
     hinge_axis: tuple[float, float, float]
     hinge_sign: int
     full_travel_rad: float | None
-    nominal_travel_rad: tuple[float, float]
     full_fraction: float
     partial_fraction: float
     uncalibrated_full_rad: float
@@ -150,16 +148,6 @@ def _fraction(found: object) -> float:
     return _number(found, 0.0, 1.0, "a fraction above 0, up to 1")
 
 
-def _range_rad(found: object) -> tuple[float, float]:
-    wanted = f"two rising angles between 0 and {_MAX_TRAVEL_DEG:g} degrees"
-    if not isinstance(found, list) or len(found) != 2:
-        raise ValueError(wanted)
-    low, high = (_number(value, -1e-9, _MAX_TRAVEL_DEG, wanted) for value in found)
-    if low >= high:
-        raise ValueError(wanted)
-    return math.radians(low), math.radians(high)
-
-
 def _axis(found: object) -> tuple[float, float, float]:
     wanted = "a unit vector of three numbers"
     if not isinstance(found, list) or len(found) != 3:
@@ -180,18 +168,18 @@ def _sign(found: object) -> int:
 def _steps(found: object) -> tuple[PhaseKind, ...]:
     if not isinstance(found, list) or any(step not in tuple(PhaseKind) for step in found):
         raise ValueError(f"a list of {', '.join(PhaseKind)}")
+    if len(set(found)) < len(found):
+        raise ValueError("each step once")
     return tuple(PhaseKind(step) for step in found)
 
 
 _FIELDS: Final[dict[str, Callable[[object], object]]] = {
     "title": _text,
     "kind": _kind,
-    "rule_set": _kind,
     "moving_part": _text,
     "hinge_axis": _axis,
     "hinge_sign": _sign,
     "full_travel_deg": _optional_angle_rad,
-    "nominal_travel_deg": _range_rad,
     "full_fraction": _fraction,
     "partial_fraction": _fraction,
     "uncalibrated_full_deg": _angle_rad,
@@ -200,5 +188,5 @@ _FIELDS: Final[dict[str, Callable[[object], object]]] = {
 }
 _INSIDE: Final = {
     field: f"{field.removesuffix('_deg')}_rad"
-    for field in ("full_travel_deg", "nominal_travel_deg", "uncalibrated_full_deg", "uncalibrated_partial_deg")
+    for field in ("full_travel_deg", "uncalibrated_full_deg", "uncalibrated_partial_deg")
 }

@@ -209,6 +209,27 @@ def test_shutting_before_inhaling_is_out_of_order():
     assert m["order_violations"].value == 1.0
 
 
+def test_opening_again_before_inhaling_is_in_order():
+    strokes = (cover(EventKind.OPEN, 2.0), cover(EventKind.CLOSE, 4.0), cover(EventKind.OPEN, 6.0))
+    assert ellipta(strokes)["order_violations"].value == 0.0
+
+
+@pytest.mark.parametrize(("stroke_s", "count"), [(3.0, 0.0), (9.5, 1.0)])
+def test_shaking_at_the_mouth_is_out_of_order(stroke_s, count):
+    shake = Shake(STROKES_S[:4] - 3.0 + stroke_s, STROKES_S[:4] - 2.875 + stroke_s)
+    assert measured(shakes=(shake,))["order_violations"].value == count
+
+
+def test_the_order_is_that_of_the_devices_profile():
+    """Shaking after the press where the profile says so; and no order where it says none."""
+    late = replace(PMDI, steps=(PhaseKind.TO_MOUTH, PhaseKind.INHALE, PhaseKind.SHAKE))
+    assert measured(device=late)["order_violations"].value == 1.0
+    assert measured(device=late, shakes=(Shake(STROKES_S + 8.0, STROKES_S + 8.125),))["order_violations"].value == 0.0
+    early_press = (press(2.0), press(10.3))
+    assert measured(events=early_press)["order_violations"].value == 1.0
+    assert measured(events=early_press, device=replace(PMDI, steps=()))["order_violations"].value == 0.0
+
+
 # -------------------------------------------------------------------------------------------------- simulated truth
 
 # Physical: a boundary within 100-150 ms, an angle of the device in the room within what a chip's mounting allows.

@@ -53,9 +53,8 @@ def _as_toml(learned: LearnedDevice, session_id: str) -> str:
     import json
 
     device = learned.device
-    low, high = (math.degrees(angle) for angle in device.nominal_travel_rad)
     lines = [f"# Learned from the recording {json.dumps(session_id)} ({learned.n_strokes} strokes)."]
-    lines += [f"title = {json.dumps(device.title)}", f'kind = "{device.kind}"', f'rule_set = "{device.rule_set}"']
+    lines += [f"title = {json.dumps(device.title)}", f'kind = "{device.kind}"']
     lines += [f"moving_part = {json.dumps(device.moving_part)}", ""]
     lines += [f"hinge_axis = [{', '.join(f'{part:.6f}' for part in device.hinge_axis)}]"]
     lines += [f"hinge_sign = {device.hinge_sign}", ""]
@@ -63,7 +62,6 @@ def _as_toml(learned: LearnedDevice, session_id: str) -> str:
         sd_deg = math.degrees(learned.travel_sd_rad)
         comment = f"  # sd {sd_deg:.2f}" if learned.n_strokes else ""
         lines += [f"full_travel_deg = {math.degrees(device.full_travel_rad):.2f}{comment}"]
-    lines += [f"nominal_travel_deg = [{low:g}, {high:g}]"]
     lines += [f"full_fraction = {device.full_fraction:g}", f"partial_fraction = {device.partial_fraction:g}"]
     lines += [f"uncalibrated_full_deg = {math.degrees(device.uncalibrated_full_rad):g}"]
     lines += [f"uncalibrated_partial_deg = {math.degrees(device.uncalibrated_partial_rad):g}", ""]

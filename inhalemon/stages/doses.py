@@ -16,9 +16,9 @@ def split_doses(
 
     A dose ends when the next shake (pMDI) or opening (Ellipta) begins after an inhalation.
     """
-    if not phases or device.rule_set is DeviceKind.HINGE:
+    if not phases or device.kind is DeviceKind.HINGE:
         return ()
-    if device.rule_set is DeviceKind.ELLIPTA:
+    if device.kind is DeviceKind.ELLIPTA:
         begins = [event.start_s for event in events if event.kind is EventKind.OPEN]
     else:
         begins = [shake.start_s for shake in shakes]

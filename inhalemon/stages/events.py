@@ -27,12 +27,12 @@ def find_events(
     count; a rise during shaking is none, since the angle itself trembles there.
     """
     settings = settings or EventSettings()
-    if device.rule_set is DeviceKind.HINGE:
+    if device.kind is DeviceKind.HINGE:
         return ()
     angle = _without_gaps(motion, settings)
     angle = moving_mean(angle, max(round(settings.smooth_s * motion.rate_hz), 1))
     strokes = _strokes(motion, angle, _least_stroke(device, settings), settings)
-    if device.rule_set is DeviceKind.ELLIPTA:
+    if device.kind is DeviceKind.ELLIPTA:
         strokes = _joined(motion, strokes, settings)
         begins = [stroke.begin for stroke in strokes[1:]] + [motion.time_s.size - 1]
         return tuple(
@@ -57,7 +57,7 @@ class _Stroke:
 
 
 def _least_stroke(device: Device, settings: EventSettings) -> float:
-    if device.rule_set is DeviceKind.ELLIPTA:
+    if device.kind is DeviceKind.ELLIPTA:
         return device.partial_stroke_rad
     return max(device.partial_stroke_rad, settings.min_stroke_rad)
 

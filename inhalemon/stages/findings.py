@@ -49,7 +49,7 @@ def apply_rules(
     A measure that is missing or without a value makes its rules not assessable, with the measure's reason.
     `unusable` is why the measures cannot be trusted: then nothing is assessed.
     """
-    of_device = {rule.id: rule for rule in rules.of(device.rule_set)}
+    of_device = {rule.id: rule for rule in rules.of(device.kind)}
     view = _View(measures, device)
     findings: dict[str, Finding] = {}
 
@@ -189,7 +189,7 @@ def _outcome(condition: Condition, view: _View) -> _Outcome:
         return _Outcome(truth, condition.measure, found, None, found.reason)
     # Kleene: one YES makes an `any`, one NO unmakes an `all`; what is missing or close matters only without it.
     decides, otherwise = (_Truth.YES, _Truth.NO) if isinstance(condition, AnyOf) else (_Truth.NO, _Truth.YES)
-    parts = [_outcome(part, view) for part in condition.conditions if _concerns(part, view.device.rule_set)]
+    parts = [_outcome(part, view) for part in condition.conditions if _concerns(part, view.device.kind)]
     for truth in (decides, _Truth.MISSING, _Truth.CLOSE, otherwise):
         for part in parts:
             if part.truth is truth:

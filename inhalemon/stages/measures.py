@@ -47,8 +47,8 @@ def measure_dose(
     """
     settings = settings or MeasureSettings()
     dose = _Dose.of(motion, phases, shakes, events, span, settings)
-    measures = _inhalation(dose) | _interval(dose, earlier_inhalation_s)
-    if device.rule_set is DeviceKind.ELLIPTA:
+    measures = _inhalation(dose, device) | _interval(dose, earlier_inhalation_s)
+    if device.kind is DeviceKind.ELLIPTA:
         measures |= _cover(dose, device)
     else:
         measures |= _shake(dose) | _press(dose)
@@ -139,7 +139,7 @@ class _Dose:
         return "no_tilt_back_seen" if self.first(PhaseKind.TO_MOUTH) else "no_inhalation_seen"
 
 
-def _inhalation(dose: _Dose) -> dict[str, Measure]:
+def _inhalation(dose: _Dose, device: Device) -> dict[str, Measure]:
     s, inhale = dose.settings, dose.inhale
     to_mouth = dose.first(PhaseKind.TO_MOUTH)
     stays = sum(phase.kind is PhaseKind.INHALE for phase in dose.phases) or int(to_mouth is not None)
@@ -148,7 +148,7 @@ def _inhalation(dose: _Dose) -> dict[str, Measure]:
     measures = {
         "mouth_stays": unsteady if not stays and dose.is_unsteady else Measure(float(stays), 0.0),
         "exhale_pause_s": unsteady if not pause.value and dose.is_unsteady else pause,
-        "order_violations": _order_violations(dose),
+        "order_violations": _order_violations(dose, device.steps),
     }
     if inhale is None:
         missing = Measure(None, reason=dose.no_onset)
@@ -201,18 +201,30 @@ def _breath_hold(dose: _Dose, end_s: float) -> Measure:
     return Measure(hold_end_s - end_s, sd, None, end_s, hold_end_s)
 
 
-def _order_violations(dose: _Dose) -> Measure:
-    """Steps out of order: at the mouth and only then shaken or opened; the cover shut before inhaling."""
+def _order_violations(dose: _Dose, steps: Sequence[PhaseKind]) -> Measure:
+    """How often strokes (shaking, opening, closing) and what is done at the mouth come in another order than `steps`.
+
+    Each stay at the mouth and full press after which a stroke comes that belongs before it counts, and a last stroke
+    before inhaling that belongs after it. A step that `steps` leaves out is in nobody's way.
+    """
+    place = {step: k for k, step in enumerate(steps)}
     inhaled_s = dose.inhale.start_s if dose.inhale else dose.span[1]
-    stays = [phase.start_s for phase in dose.phases if phase.kind is PhaseKind.TO_MOUTH and phase.start_s < inhaled_s]
-    prepared = [shake.start_s for shake in dose.shakes]
-    prepared += [stroke.start_s for stroke in dose.strokes if stroke.kind is EventKind.OPEN]
-    count = sum(any(stay < later < inhaled_s for later in prepared) for stay in stays)
-    full = [press for press in dose.presses if press.kind is EventKind.PRESS]
-    count += sum(any(press.start_s < shake.start_s for shake in dose.shakes) for press in full)
-    before = [stroke for stroke in dose.strokes if stroke.start_s < inhaled_s]
-    if dose.inhale is not None and before and before[-1].kind is EventKind.CLOSE:
-        count += 1
+    strokes = [(shake.start_s, PhaseKind.SHAKE) for shake in dose.shakes]
+    strokes += [(stroke.start_s, PhaseKind(stroke.kind.value)) for stroke in dose.strokes]
+    strokes = sorted(stroke for stroke in strokes if stroke[0] < inhaled_s and stroke[1] in place)
+    stays = (phase for phase in dose.phases if phase.kind is PhaseKind.TO_MOUTH)
+    presses = (press for press in dose.presses if press.kind is EventKind.PRESS)
+    at_mouth = [
+        *((stay.start_s, PhaseKind.TO_MOUTH) for stay in stays),
+        *((p.start_s, PhaseKind.INHALE) for p in presses),
+    ]
+    count = sum(
+        any(later_s > start_s and place[stroke] < place[step] for later_s, stroke in strokes)
+        for start_s, step in at_mouth
+        if step in place
+    )
+    if dose.inhale is not None and strokes and PhaseKind.INHALE in place:
+        count += place[strokes[-1][1]] > place[PhaseKind.INHALE]
     return Measure(float(count), 0.0)
 
 

@@ -40,7 +40,7 @@ def find_phases(
     Source of the idea: Fujii et al. (2025), k-means on the waveforms of an Ellipta. The path and the refinement are
     departures from it: clusters alone do not know the order of the steps.
     """
-    if device.rule_set is DeviceKind.HINGE:
+    if device.kind is DeviceKind.HINGE:
         return ()
     evidence = gather_evidence(motion, shakes, events, device, settings or PhaseSettings())
     return phases_of(motion, evidence, label_by_path(evidence, device), refine=True)
@@ -103,7 +103,7 @@ def _one_a_dose(
     settings: PhaseSettings,
 ) -> list[Stay]:
     """The stay at the mouth between one preparation (shaking, opening) and the next."""
-    is_ellipta = device.rule_set is DeviceKind.ELLIPTA
+    is_ellipta = device.kind is DeviceKind.ELLIPTA
     if is_ellipta:
         begins = [event.start_s for event in events if event.kind is EventKind.OPEN]
     else:
