@@ -16,14 +16,16 @@ from inhalemon.stages.calibrate import calibrate
 from inhalemon.stages.clocks import align_clocks
 from inhalemon.stages.doses import split_doses
 from inhalemon.stages.events import find_events
-from inhalemon.stages.findings import apply_rules, score, worst_dose, worst_findings
+from inhalemon.stages.findings import apply_rules
 from inhalemon.stages.lever import lever_angle
 from inhalemon.stages.measures import measure_dose
 from inhalemon.stages.motion import describe_motion
 from inhalemon.stages.phases import find_phases
 from inhalemon.stages.quality import assess_quality
+from inhalemon.stages.score import score
 from inhalemon.stages.sensors import correct_sensors
 from inhalemon.stages.shakes import find_shakes
+from inhalemon.stages.worst import worst_of
 from inhalemon.values import (
     AttitudeTrack,
     Calibration,
@@ -145,7 +147,7 @@ def report_of(tracks: Tracks, settings: Settings, *, rules: RuleSet | None = Non
         own_events = tuple(event for event in events if span[0] <= event.start_s < span[1])
         doses.append(Dose(*span, own_events, measures, findings, score(findings)))
         earlier_inhalation_s = measures["inhalation_start_s"].value or earlier_inhalation_s
-    findings = worst_findings(doses) if doses else apply_rules({}, device, rules, unusable=unusable)
+    measures, findings = worst_of(doses) if doses else ({}, apply_rules({}, device, rules, unusable=unusable))
     return Report(
         session_id=recording.session_id,
         device=recording.device,
@@ -156,7 +158,7 @@ def report_of(tracks: Tracks, settings: Settings, *, rules: RuleSet | None = Non
         quality=tracks.quality,
         phases=phases,
         events=events,
-        measures=worst_dose(doses).measures if doses else {},
+        measures=measures,
         findings=findings,
         doses=tuple(doses),
         score=score(findings),

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from inhalemon.devices import load_device
 from inhalemon.rules import load_rules
-from inhalemon.stages.findings import apply_rules, score, worst_dose, worst_findings
+from inhalemon.stages.findings import apply_rules
+from inhalemon.stages.score import score
+from inhalemon.stages.worst import worst_of
 from inhalemon.values import (
     DeviceKind,
     Dose,
@@ -60,7 +62,7 @@ def made_dose(start_s: float = 0.0, **changes: Measure) -> Dose:
 def made_report(session_id: str = "late", doses: tuple[Dose, ...] = ()) -> Report:
     """A pMDI session whose press came late and whose breath hold could not be seen."""
     doses = doses or (made_dose(),)
-    findings = worst_findings(doses)
+    measures, findings = worst_of(doses)
     return Report(
         session_id=session_id,
         device=DeviceKind.PMDI,
@@ -71,7 +73,7 @@ def made_report(session_id: str = "late", doses: tuple[Dose, ...] = ()) -> Repor
         quality=Quality(True, (Flag("gap", SensorName.LEVER, "0.12 s without samples at 8.31 s"),)),
         phases=tuple(Phase(PhaseKind(kind), start_s, end_s, 0.9) for kind, start_s, end_s in SPANS),
         events=(PRESS,),
-        measures=worst_dose(doses).measures,
+        measures=measures,
         findings=findings,
         doses=doses,
         score=score(findings),

@@ -13,7 +13,9 @@ from inhalemon.devices import load_device
 from inhalemon.rules import load_rules
 from inhalemon.simulate import simulate_session
 from inhalemon.simulate.mistakes import MISTAKES
-from inhalemon.stages.findings import apply_rules, score, worst_dose, worst_findings
+from inhalemon.stages.findings import apply_rules
+from inhalemon.stages.score import score
+from inhalemon.stages.worst import worst_of
 from inhalemon.values import Dose, Finding, Grade, Measure, Severity, Verdict
 
 FAIL, PASS, OPEN, NONE = Verdict.FAIL, Verdict.PASS, Verdict.INDETERMINATE, Verdict.NOT_ASSESSABLE
@@ -349,30 +351,31 @@ def test_points_count_each_severity_by_its_weight():
 
 def dose(**changes):
     found = tuple(findings_of("pmdi", **changes).values())
-    return Dose(0.0, 1.0, (), {}, found, score(found))
+    measures = {name: Measure(value) for name, value in (PMDI | changes).items()}
+    return Dose(0.0, 1.0, (), measures, found, score(found))
 
 
 def test_worst_of_several_doses_wins_rule_by_rule():
     doses = (dose(press_count=2), dose(coordination_s=1.5), dose(coordination_s=-2.0))
-    worst = {finding.rule: finding for finding in worst_findings(doses)}
+    worst = {finding.rule: finding for finding in worst_of(doses)[1]}
     assert worst["multiple_presses"].verdict is FAIL
     assert worst["press_late"].verdict is FAIL
     assert worst["press_early"].severity is CRITICAL
     assert worst["not_shaken"].verdict is PASS
-    assert [finding.rule for finding in worst_findings(doses)] == [finding.rule for finding in doses[0].findings]
-    assert worst_dose(doses) is doses[2]
+    assert [finding.rule for finding in worst_of(doses)[1]] == [finding.rule for finding in doses[0].findings]
+    assert worst_of(doses)[0] is doses[2].measures
 
 
 def test_of_equal_doses_the_first_is_the_worst():
     doses = (dose(press_count=2), dose(coordination_s=1.5))
-    assert worst_dose(doses) is doses[0]
+    assert worst_of(doses)[0] is doses[0].measures
 
 
 def test_graver_failure_beats_a_lighter_one_and_what_is_open_beats_a_pass():
     light, grave = dose(coordination_s=1.5), dose(press_after_mouth_s=2.0)
-    assert {f.rule: f for f in worst_findings((light, grave))}["press_late"].severity is CRITICAL
+    assert {f.rule: f for f in worst_of((light, grave))[1]}["press_late"].severity is CRITICAL
     passed, unseen = dose(), dose(coordination_s=None)
-    assert {f.rule: f for f in worst_findings((passed, unseen))}["press_late"].verdict is NONE
+    assert {f.rule: f for f in worst_of((passed, unseen))[1]}["press_late"].verdict is NONE
 
 
 # ------------------------------------------------------------------------------------------------- simulated truth

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum, auto
 from typing import Final
@@ -18,26 +18,15 @@ from typing import Final
 from inhalemon.devices import Device
 from inhalemon.measures import unit_of
 from inhalemon.rules.model import AnyOf, Comparison, Condition, Limit, Needs, Rule, RuleSet, Shown, Sign
-from inhalemon.values import DeviceKind, Dose, Finding, Grade, Measure, Score, Severity, Verdict
+from inhalemon.values import DeviceKind, Finding, Measure, Severity, Verdict
 
 TWO_SIDED_95: Final = 1.96
-POINTS: Final = {Severity.CRITICAL: 40, Severity.MAJOR: 15, Severity.MINOR: 5}
 
 _COMPARE: Final[dict[Sign, Callable[[float, float], bool]]] = {
     Sign.LESS: operator.lt,
     Sign.LESS_OR_EQUAL: operator.le,
     Sign.MORE: operator.gt,
     Sign.MORE_OR_EQUAL: operator.ge,
-}
-_GRADE: Final = {
-    Severity.CRITICAL: Grade.CRITICAL_MISTAKES,
-    Severity.MAJOR: Grade.MAJOR_MISTAKES,
-    Severity.MINOR: Grade.MINOR_MISTAKES,
-}
-_GRAVITY: Final = {severity: -place for place, severity in enumerate(Severity)}
-_WORSE: Final = {
-    verdict: place
-    for place, verdict in enumerate((Verdict.PASS, Verdict.NOT_ASSESSABLE, Verdict.INDETERMINATE, Verdict.FAIL))
 }
 
 
@@ -61,44 +50,6 @@ def apply_rules(
         return findings[rule.id]
 
     return tuple(found(rule) for rule in of_device.values())
-
-
-def score(findings: Iterable[Finding]) -> Score:
-    """Points and grade: 100 less 40 a critical, 15 a major and 5 a minor mistake; the grade is the worst of them.
-
-    Without a failed critical rule, a critical one that could not be decided leaves the whole not assessable; rules that
-    sensors can never decide, and those implied by another, carry no severity and do not count. Nothing assessed at all
-    is not assessable too.
-    """
-    found = tuple(findings)
-    failed = [finding.severity for finding in found if finding.verdict is Verdict.FAIL and finding.severity is not None]
-    undecided = (Verdict.INDETERMINATE, Verdict.NOT_ASSESSABLE)
-    is_open = any(finding.verdict in undecided and finding.severity is Severity.CRITICAL for finding in found)
-    points = max(0, 100 - sum(POINTS[severity] for severity in failed))
-    if not found or (is_open and Severity.CRITICAL not in failed):
-        return Score(points, Grade.NOT_ASSESSABLE)
-    worst = max(failed, key=_GRAVITY.__getitem__, default=None)
-    return Score(points, _GRADE[worst] if worst else Grade.CORRECT)
-
-
-def worst_findings(doses: Sequence[Dose]) -> tuple[Finding, ...]:
-    """The worst verdict of each rule over the doses: fail (gravest first), indeterminate, not assessable, pass."""
-    worst: dict[str, Finding] = {}
-    for dose in doses:
-        for finding in dose.findings:
-            held = worst.get(finding.rule)
-            if held is None or _badness(finding) > _badness(held):
-                worst[finding.rule] = finding
-    return tuple(worst.values())
-
-
-def worst_dose(doses: Sequence[Dose]) -> Dose:
-    """The dose with the fewest points; of several, the first."""
-    return min(doses, key=lambda dose: dose.score.points)
-
-
-def _badness(finding: Finding) -> tuple[int, int]:
-    return _WORSE[finding.verdict], _GRAVITY[finding.severity] if finding.severity else -len(_GRAVITY)
 
 
 class _Truth(Enum):
