@@ -292,6 +292,7 @@ class PhaseSettings:
     usual_tilt_back_rad: float = math.radians(12.0)
     max_tilt_back_s: float = 2.0
     at_mouth_m: float = 0.12  # the tilt-back itself carries the device so far at most
+    carried_m_s: float = 0.15  # where a tilt-back begins, the device is hardly carried any more
     min_stay_s: float = 0.3
     mouth_way_m: float = 0.12  # the way to the mouth is longer, for a child too
     lowered_m: float = 0.03

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motions import check_phases, cut, overlap, scored, still, without
+from motions import check_phases, cut, least_jerk, overlap, scored, still, without
 
 import inhalemon as im
 from inhalemon.devices import load_device
@@ -92,6 +93,36 @@ def test_a_device_that_never_moves_is_only_handled_or_at_rest():
     for device in DEVICES:
         kinds = {phase.kind for phase in find_phases(still(20.0), (), (), load_device(device))}
         assert kinds <= {PhaseKind.REST, PhaseKind.HANDLING}
+
+
+def _lifted_and_tilted(tilted_at_s: float):
+    """A trembling hand lifts the device by 25 cm from 5 to 6 s, tilts it back by 25 deg, and undoes both at 10 s."""
+    motion = still(20.0)
+    time_s = motion.time_s
+    tilt = np.radians(25.0) * (least_jerk(time_s, tilted_at_s, 0.8) - least_jerk(time_s, 10.0, 0.8))
+    height = 0.25 * (least_jerk(time_s, 5.0, 1.0) - least_jerk(time_s, 10.0, 1.0))
+    tremor = np.sin(2.0 * np.pi * 8.0 * time_s)[:, None] * np.ones(3)
+    gyr = 0.03 * tremor
+    gyr[:, 0] += np.gradient(tilt, motion.step_s)
+    velocity = np.zeros((time_s.size, 3))
+    velocity[:, 2] = np.gradient(height, motion.step_s)
+    return replace(
+        motion,
+        tilt_rad=tilt,
+        elevation_rad=tilt,
+        gyr_rad_s=gyr,
+        force_m_s2=motion.force_m_s2 + 0.2 * tremor,
+        velocity_ref_m_s=velocity,
+        height_m=height,
+    )
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_a_device_turned_on_the_way_is_not_tilted_back(device):
+    """Who reads the counter lifts the device and turns its face up meanwhile; who inhales tilts it at the mouth."""
+    inhaled, glance = (find_phases(_lifted_and_tilted(at_s), (), (), load_device(device)) for at_s in (6.4, 5.1))
+    assert [phase.start_s for phase in inhaled if phase.kind is PhaseKind.INHALE] == pytest.approx([6.4], abs=0.1)
+    assert PhaseKind.INHALE not in {phase.kind for phase in glance}
 
 
 def test_a_plain_hinge_has_no_phases():

@@ -142,7 +142,7 @@ def _at_mouth(rivals: Sequence[Stay], settings: PhaseSettings) -> Stay:
     """
 
     def preference(stay: Stay) -> float:
-        gain = min(max(stay.gain_rad, 0.0) / settings.usual_tilt_back_rad, 2.0)
+        gain = min(stay.gain_rad / settings.usual_tilt_back_rad, 2.0) if stay.is_tilted else 0.0
         return stay.likeness + 2.0 * stay.height_m + 0.1 * gain
 
     likeliest = max(rivals, key=preference)

@@ -63,7 +63,10 @@ def find_stays(
             before = _arrived(path, before, hold, settings.at_mouth_m)
         rises = [_rise(signal, before, hold) for signal in (path.elevation_rad, path.turn_rad)]
         gain_rad, low, signal = max(rises, key=lambda rise: rise[0])
+        tilted_at = onset(signal, low, hold.start)
         is_tilted = settings.min_tilt_back_rad <= gain_rad <= settings.max_tilt_back_rad
+        # What turns while it is carried turns on the way: a glance at the counter.
+        is_tilted = is_tilted and not (path.has_place and _speed(motion, tilted_at) > settings.carried_m_s)
         lift_m = hold.height_m - float(quantile(path.height_m[barrier : low + 1], 0.5))
         is_lifted = lasts_s >= settings.min_untilted_stay_s and lift_m > settings.min_lift_m
         if not (is_tilted or is_lifted):
@@ -93,7 +96,7 @@ def find_stays(
         found.append(
             Stay(
                 pause=_pause_before(motion, path, holds, first, barrier, settings),
-                onset=onset(signal, low, hold.start) if is_tilted else hold.start,
+                onset=tilted_at if is_tilted else hold.start,
                 end=end,
                 hold_end=hold_end,
                 after_end=after_end,
@@ -108,6 +111,12 @@ def find_stays(
             )
         )
     return found
+
+
+def _speed(motion: Motion, at: int) -> float:
+    """How fast the device is carried, m/s, over a fifth of a second."""
+    around = round(0.1 * motion.rate_hz)
+    return float(np.linalg.norm(motion.velocity_ref_m_s[max(at - around, 0) : at + around].mean(axis=0)))
 
 
 def _visit(path: Path, holds: Sequence[Hold], k: int, barrier: int, before_m: float, after_m: float) -> tuple[int, int]:
