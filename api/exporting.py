@@ -9,16 +9,33 @@ from collections.abc import Iterator, Sequence
 
 import orjson
 
-from api import present
+from api import present, verdicts
 from api.service import Service
-from api.store import Connection, reviews, sessions
+from api.store import Connection, listing, reviews
+from api.store.listing import Filter
 from api.store.reviews import Review
-from api.store.sessions import Filter, Session
-from api.verdicts import effective, mistakes
+from api.store.sessions import Session
 from inhalemon.measures import MEASURES
-from inhalemon.rules import load_rules
+from inhalemon.rules import RuleSet
+from inhalemon.values import Report
 
 _BLOCK = 200
+_SESSION_CELLS = (
+    "id",
+    "clinic",
+    "session_ref",
+    "device",
+    "patient_ref",
+    "recorded_at",
+    "uploaded_at",
+    "state",
+    "grade",
+    "points",
+    "machine_grade",
+    "machine_points",
+    "duration_s",
+    "signed_off_at",
+)
 _FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")  # a spreadsheet would run such a cell
 
 
@@ -31,58 +48,48 @@ def jsonl(service: Service, clinic_ids: Sequence[str], given: Filter) -> Iterato
 
 
 def csv_lines(service: Service, clinic_ids: Sequence[str], given: Filter) -> Iterator[bytes]:
-    """A header, then one row a session: the session, measures, the machine's verdicts, mistakes after review."""
-    rules = [rule.id for rule in load_rules(service.settings.scoring_rules).rules]
-    columns = [*_session_cells(None), "mistakes", "mistakes_after_review", *MEASURES, *rules]
+    """A header, then one row a session: it and its mistakes after review, the machine's measures and verdicts."""
+    rules = [rule.id for rule in service.rules.rules]
+    columns = [*_SESSION_CELLS, "mistakes", "machine_mistakes", *MEASURES, *rules]
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\r\n")
     writer.writerow(columns)
     yield buffer.getvalue().encode()
     with service.store.read() as connection:
         for session, body, entries in _rows(connection, clinic_ids, given):
-            report = {} if body is None else orjson.loads(body)
-            verdicts = {each["rule"]: each["verdict"] for each in report.get("findings", [])}
-            cells = _session_cells(session) | {
-                "mistakes": " ".join(mistakes(verdicts)),
-                "mistakes_after_review": " ".join(mistakes(effective(verdicts, entries))),
-                **{name: measure["value"] for name, measure in report.get("measures", {}).items()},
-                **verdicts,
-            }
+            cells = _session_cells(session)
+            if body is not None:
+                cells |= _report_cells(verdicts.report_of(body), entries, service.rules)
             buffer.seek(0)
             buffer.truncate()
             writer.writerow([_cell(cells.get(column)) for column in columns])
             yield buffer.getvalue().encode()
 
 
-def _session_cells(session: Session | None) -> dict[str, object]:
-    names = (
-        "id",
-        "clinic",
-        "session_ref",
-        "device",
-        "patient_ref",
-        "recorded_at",
-        "uploaded_at",
-        "state",
-        "grade",
-        "points",
-        "duration_s",
-        "signed_off_at",
-    )
-    if session is None:
-        return dict.fromkeys(names)
+def _session_cells(session: Session) -> dict[str, object]:
     moments = {
         "recorded_at": present.moment(session.recorded_at_us),
         "uploaded_at": present.moment(session.uploaded_at_us),
         "signed_off_at": present.moment(session.signed_off_us),
     }
-    return {name: moments[name] if name in moments else getattr(session, name) for name in names}
+    return {name: moments[name] if name in moments else getattr(session, name) for name in _SESSION_CELLS}
+
+
+def _report_cells(report: Report, entries: Sequence[Review], rules: RuleSet) -> dict[str, object]:
+    machine = verdicts.machine(report)
+    held = {finding.rule: finding.verdict for finding in verdicts.outcome(report, entries, rules).findings}
+    return {
+        "mistakes": " ".join(verdicts.mistakes(held)),
+        "machine_mistakes": " ".join(verdicts.mistakes(machine)),
+        **{name: measure.value for name, measure in report.measures.items()},
+        **machine,
+    }
 
 
 def _rows(
     connection: Connection, clinic_ids: Sequence[str], given: Filter
 ) -> Iterator[tuple[Session, bytes | None, Sequence[Review]]]:
-    every = sessions.stream(connection, clinic_ids, given)
+    every = listing.stream(connection, clinic_ids, given)
     while block := list(itertools.islice(every, _BLOCK)):
         entries = reviews.histories_of(connection, [session.id for session, _ in block])
         for session, body in block:

@@ -8,7 +8,7 @@ and INH (inhaler; HL7 v3 EntityCode). No LOINC code for an inhaler's technique w
 from __future__ import annotations
 
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import orjson
@@ -17,11 +17,12 @@ from fhir.resources.R4B.codesystem import CodeSystem
 
 import inhalemon
 from api.moments import now_us, to_iso
-from api.store.reviews import Review, ReviewKind, standing
-from api.store.sessions import Session, StoredReport
-from api.verdicts import effective
+from api.store.reviews import Review, ReviewKind
+from api.store.sessions import Outcome, Session, StoredReport
+from api.verdicts import is_amended, outcome, report_of, sign_offs, standing
 from inhalemon.measures import MEASURES
 from inhalemon.rules import RuleSet
+from inhalemon.values import Finding, Score, Verdict
 
 RULES = "urn:inhalemon:rules"
 MEASURE_CODES = "urn:inhalemon:measures"
@@ -37,6 +38,7 @@ _CATEGORY = "http://terminology.hl7.org/CodeSystem/observation-category"
 _UCUM = "http://unitsofmeasure.org"
 _NAMESPACE = uuid.UUID("6f1f2f0e-6f0c-4e3c-9a53-6e2b1c1f5c57")  # names within it are this service's identifiers
 _UNITS = (("_s", "s", "s"), ("_deg", "deg", "degree"))  # a measure's name ends in its unit; other measures are counts
+_REVIEWED = "as a reviewer says"
 
 Json = dict[str, Any]  # FHIR's JSON; the models check its shape
 
@@ -45,17 +47,18 @@ def bundle(session: Session, report: StoredReport, entries: Sequence[Review], ru
     """The session's Bundle as JSON, checked by fhir.resources.
 
     Devices: the inhaler with its two sensors, and the program. Observation: one component for each measure and rule,
-    with the reason where there is no value. DiagnosticReport: preliminary until the session is signed off. Provenance:
-    versions, the recording's digest, who reviewed. Raises `ValueError` when it would not be valid.
+    with the reason where there is no value. DiagnosticReport: preliminary while nobody has signed this report and this
+    review off, then final, or amended when something else was signed off before. Provenance: versions, the recording's
+    digest, who reviewed. Raises `ValueError` when it would not be valid.
     """
     told = orjson.loads(report.body)
-    signed_off = session.signed_off_us is not None
-    verdicts = effective({each["rule"]: each["verdict"] for each in told["findings"]}, entries)
+    held = outcome(report_of(report.body), entries, rules)
+    status = _status(entries, report)
     resources = {
         "inhaler": _inhaler(session),
         "program": _program(report),
-        "observation": _observation(session, told, verdicts, rules, is_final=signed_off),
-        "report": _diagnostic_report(session, report, entries, is_final=signed_off),
+        "observation": _observation(session, told, held, rules, status),
+        "report": _diagnostic_report(session, report, held.score, entries, status),
         "provenance": _provenance(session, report, entries),
     }
     content = {
@@ -127,22 +130,28 @@ def _program(report: StoredReport) -> Json:
     }
 
 
-def _observation(session: Session, told: Json, verdicts: Mapping[str, str], rules: RuleSet, *, is_final: bool) -> Json:
+def _status(entries: Sequence[Review], report: StoredReport) -> str:
+    if not sign_offs(entries, report.id):
+        return "preliminary"
+    return "amended" if is_amended(entries, report.id) else "final"
+
+
+def _observation(session: Session, told: Json, held: Outcome, rules: RuleSet, status: str) -> Json:
     titles = {rule.id: rule.title for rule in rules.rules}
     findings = {each["rule"]: each for each in told["findings"]}
     components = [_measure(name, measure) for name, measure in told["measures"].items()]
     components += [
-        _finding(rule, verdict, findings.get(rule, {}), titles.get(rule, rule)) for rule, verdict in verdicts.items()
+        _finding(each, findings.get(each.rule, {}), titles.get(each.rule, each.rule)) for each in held.findings
     ]
     return {
         "resourceType": "Observation",
-        "status": "final" if is_final else "preliminary",
+        "status": status,
         "category": [{"coding": [_coding(_CATEGORY, "procedure", "Procedure")]}],
         "code": _technique(),
         **_subject(session),
         "effectiveDateTime": to_iso(session.happened_at_us),
         "device": {"reference": _url(session, "program")},
-        "valueCodeableConcept": {"coding": [_coding(GRADES, told["score"]["grade"])]},
+        "valueCodeableConcept": {"coding": [_coding(GRADES, str(held.score.grade))]},
         "component": components,
     }
 
@@ -156,15 +165,15 @@ def _measure(name: str, measure: Json) -> Json:
     return found | {"valueQuantity": quantity}
 
 
-def _finding(rule: str, verdict: str, finding: Json, title: str) -> Json:
-    found: Json = {"code": {"coding": [_coding(RULES, rule, title)]}}
-    if verdict == "not_assessable":
-        reason = finding.get("reason")
-        is_implied = isinstance(reason, str) and reason.startswith("implied_by:")
+def _finding(held: Finding, by_machine: Json, title: str) -> Json:
+    found: Json = {"code": {"coding": [_coding(RULES, held.rule, title)]}}
+    is_the_machines = by_machine.get("verdict") == held.verdict
+    if held.verdict is Verdict.NOT_ASSESSABLE:
+        reason = held.reason if is_the_machines else _REVIEWED
+        is_implied = reason is not None and reason.startswith("implied_by:")
         return found | _absent("not-applicable" if is_implied else "unknown", reason)
-    return found | {
-        "valueCodeableConcept": {"coding": [_coding(VERDICTS, verdict)], "text": finding.get("message") or verdict}
-    }
+    text = held.message if is_the_machines else _REVIEWED
+    return found | {"valueCodeableConcept": {"coding": [_coding(VERDICTS, held.verdict)], "text": text}}
 
 
 def _absent(code: str, reason: object) -> Json:
@@ -172,13 +181,18 @@ def _absent(code: str, reason: object) -> Json:
     return {"dataAbsentReason": {"coding": [_coding(_ABSENT, code)], **told}}
 
 
-def _diagnostic_report(session: Session, report: StoredReport, entries: Sequence[Review], *, is_final: bool) -> Json:
+def _diagnostic_report(
+    session: Session, report: StoredReport, held: Score, entries: Sequence[Review], status: str
+) -> Json:
     comments = [entry.reason for entry in standing(entries) if entry.kind == ReviewKind.COMMENT and entry.reason]
-    conclusion = f"{report.grade.replace('_', ' ')}, {report.points} of 100 points by the machine"
+    conclusion = f"{_in_words(report.grade)}, {report.points} of 100 points by the machine"
+    if (held.grade, held.points) != (report.grade, report.points):
+        after = f"{_in_words(held.grade)}, {held.points} of 100 points after review"
+        conclusion = f"{after}; by the machine {_in_words(report.grade)}, {report.points} of 100 points"
     return {
         "resourceType": "DiagnosticReport",
         "identifier": [{"system": "urn:inhalemon:reports", "value": report.id}],
-        "status": "final" if is_final else "preliminary",
+        "status": status,
         "code": _technique(),
         **_subject(session),
         "effectiveDateTime": to_iso(session.happened_at_us),
@@ -186,6 +200,10 @@ def _diagnostic_report(session: Session, report: StoredReport, entries: Sequence
         "result": [{"reference": _url(session, "observation")}],
         "conclusion": ". ".join([conclusion, *comments]),
     }
+
+
+def _in_words(grade: str) -> str:
+    return grade.replace("_", " ")
 
 
 def _provenance(session: Session, report: StoredReport, entries: Sequence[Review]) -> Json:

@@ -5,17 +5,18 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from api import models, present
+from api import models, present, verdicts
 from api.moments import DAY_US, to_datetime
-from api.store import Connection, reviews, sessions
+from api.store import Connection, listing, reviews, sessions
+from api.store.listing import Filter
 from api.store.reviews import Review
-from api.store.sessions import Filter, Session
-from api.verdicts import adherence, by_reviewer, effective, mistakes
+from api.store.sessions import Session, State
+from api.verdicts import adherence, by_reviewer, mistakes
 from inhalemon.evaluate.agreement import agreement, wilson_interval
-from inhalemon.values import Verdict
+from inhalemon.values import Report, Verdict
 
 _BLOCK = 500
 _SIGNIFICANT_Z = 1.959963984540054  # two-sided 5 %
@@ -25,36 +26,39 @@ _MIN_SESSIONS = 4  # below this no order of values is rarer than 5 %
 # ------------------------------------------------------------------------------------------ progress
 
 
-def progress(connection: Connection, clinic_ids: Sequence[str], patient_ref: str) -> models.Progress | None:
-    """A patient's sessions in order of time, what became of each rule, and the trend; `None` without a session."""
-    found = list(scored(connection, clinic_ids, Filter(patient_ref=patient_ref, state="scored")))
+def progress(connection: Connection, clinic: str, clinic_id: str, patient_ref: str) -> models.Progress | None:
+    """A clinic's patient: sessions in order of time, what became of each rule, and the trend; `None` without any."""
+    found = list(listing.every(connection, [clinic_id], Filter(patient_ref=patient_ref, state=State.SCORED)))
     if not found:
         return None
+    said = sessions.verdicts_of(connection, [each.id for each in found])
     points = []
     rules: dict[str, list[str]] = defaultdict(list)
-    for session, machine, entries in found:
-        verdicts = effective(machine, entries)
-        kept, decided = adherence(verdicts)
-        failed = mistakes(verdicts)
-        for rule, verdict in verdicts.items():
+    for session in found:
+        held = said[session.id]
+        kept, decided = adherence(held)
+        for rule, verdict in held.items():
             rules[rule].append(verdict)
         points.append(
             models.ProgressPoint(
                 session=session.id,
                 at=to_datetime(session.happened_at_us),
-                grade=present.grade(session),
+                grade=present.grade(session.grade),
                 points=session.points,
-                mistakes=failed,
+                machine_grade=present.grade(session.machine_grade),
+                machine_points=session.machine_points,
+                mistakes=mistakes(held),
                 steps_kept=kept,
                 steps_decided=decided,
                 signed_off=session.signed_off_us is not None,
             )
         )
-    days = [session.happened_at_us / DAY_US for session, _, _ in found]
+    days = [session.happened_at_us / DAY_US for session in found]
     return models.Progress(
         patient_ref=patient_ref,
+        clinic=clinic,
         sessions=points,
-        rules=[_rule(rule, verdicts) for rule, verdicts in sorted(rules.items()) if {"pass", "fail"} & set(verdicts)],
+        rules=[_rule(rule, held) for rule, held in sorted(rules.items()) if {"pass", "fail"} & set(held)],
         trend=trend(days, [len(each.mistakes) for each in points]),
     )
 
@@ -86,19 +90,6 @@ def trend(days: Sequence[float], counts: Sequence[int]) -> models.Trend:
     if abs(z) >= _SIGNIFICANT_Z:
         direction = "improving" if z < 0 else "worsening"
     return models.Trend(direction=direction, mistakes_per_30_days=None if slope is None else 30 * slope)
-
-
-def scored(
-    connection: Connection, clinic_ids: Sequence[str], given: Filter
-) -> Iterable[tuple[Session, Mapping[str, str], Sequence[Review]]]:
-    """Each session with what the machine and the reviewers said, oldest first."""
-    every = sessions.every(connection, clinic_ids, given)
-    while block := list(itertools.islice(every, _BLOCK)):
-        ids = [each.id for each in block]
-        machine = sessions.verdicts_of(connection, ids)
-        entries = reviews.histories_of(connection, ids)
-        for session in block:
-            yield session, machine[session.id], entries[session.id]
 
 
 # ------------------------------------------------------------------------------------------ agreement
@@ -133,8 +124,9 @@ class _Tally:
 def agreements(connection: Connection, clinic_ids: Sequence[str]) -> models.Agreements:
     """Machine against reviewers, and reviewers against each other, rule by rule."""
     machine_tally, people_tally = _Tally(), _Tally()
-    for _, machine, entries in scored(connection, clinic_ids, Filter(state="scored", has_reviews=True)):
-        people = by_reviewer(machine, entries)
+    for session, report, entries in _reviewed(connection, clinic_ids):
+        machine = verdicts.machine(report)
+        people = by_reviewer(machine, entries, session.report_id)
         machine_tally.n_sessions += bool(people)
         for said in people.values():
             for rule, verdict in said.items():
@@ -150,6 +142,16 @@ def agreements(connection: Connection, clinic_ids: Sequence[str]) -> models.Agre
     return models.Agreements(
         machine_and_reviewers=_table(machine_tally), reviewers_among_each_other=_table(people_tally)
     )
+
+
+def _reviewed(connection: Connection, clinic_ids: Sequence[str]) -> Iterator[tuple[Session, Report, Sequence[Review]]]:
+    """Each session that somebody has written about, with its newest report."""
+    every = listing.stream(connection, clinic_ids, Filter(state=State.SCORED, has_reviews=True))
+    while block := list(itertools.islice(every, _BLOCK)):
+        entries = reviews.histories_of(connection, [session.id for session, _ in block])
+        for session, body in block:
+            if body is not None:
+                yield session, verdicts.report_of(body), entries[session.id]
 
 
 def _table(tally: _Tally) -> models.AgreementTable:

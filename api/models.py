@@ -156,12 +156,16 @@ class SessionSummary(_Out):
     uploaded_at: datetime
     state: Literal["unscored", "scored", "unusable"]
     duration_s: float | None = None
-    grade: Grade | None = None
-    points: int | None = None
-    mistakes: list[str] = Field(default_factory=list, examples=[["press_late"]], description="rules that failed")
+    grade: Grade | None = Field(None, description="after review")
+    points: int | None = Field(None, description="after review")
+    machine_grade: Grade | None = Field(None, description="of the newest report")
+    machine_points: int | None = Field(None, description="of the newest report")
+    mistakes: list[str] = Field(
+        default_factory=list, examples=[["press_late"]], description="rules that failed, after review"
+    )
     reviews: int = Field(0, description="entries so far: the version that If-Match takes")
     reviewed_at: datetime | None = None
-    signed_off_at: datetime | None = None
+    signed_off_at: datetime | None = Field(None, description="of this report and this review; null once either changes")
 
 
 class SessionDetail(SessionSummary):
@@ -230,6 +234,7 @@ class ReviewOut(_Out):
     reason: str | None = None
     undoes: str | None = None
     is_undone: bool = False
+    is_outdated: bool = Field(False, description="a sign-off of another report, or of the review as it was before")
     reviewer: str = Field(examples=["user:kimura"])
     at: datetime
 
@@ -377,6 +382,8 @@ class ProgressPoint(_Out):
     at: datetime
     grade: Grade | None
     points: int | None
+    machine_grade: Grade | None
+    machine_points: int | None
     mistakes: list[str]
     steps_kept: int = Field(description="rules kept")
     steps_decided: int = Field(description="rules that could be decided")
@@ -397,6 +404,7 @@ class Trend(_Out):
 
 class Progress(_Out):
     patient_ref: str
+    clinic: str
     sessions: list[ProgressPoint]
     rules: list[RuleProgress]
     trend: Trend

@@ -10,8 +10,9 @@ from api import models
 from api.moments import to_datetime, to_iso
 from api.principal import Role, Scope
 from api.store.people import ApiKey, User
-from api.store.reviews import Review, ReviewKind, signed_off_us
+from api.store.reviews import Lease, Review, ReviewKind
 from api.store.sessions import Session, StoredReport
+from api.verdicts import sign_offs
 from inhalemon.values import Grade
 
 
@@ -36,6 +37,8 @@ def _summary(session: Session, mistakes: Sequence[str]) -> dict[str, object]:
         "duration_s": session.duration_s,
         "grade": session.grade,
         "points": session.points,
+        "machine_grade": session.machine_grade,
+        "machine_points": session.machine_points,
         "mistakes": list(mistakes),
         "reviews": session.n_reviews,
         "reviewed_at": moment(session.reviewed_at_us),
@@ -58,12 +61,12 @@ def export_line(session: Session, body: bytes | None, entries: Sequence[Review])
     """A session for the export: as `detail`, without what is only about the upload, and with its review."""
     return _summary(session, ()) | {
         "report": None if body is None else orjson.Fragment(body),
-        "reviews": [each.model_dump(mode="json") for each in history(session.id, entries).entries],
+        "reviews": [each.model_dump(mode="json") for each in history(session, entries).entries],
     }
 
 
-def grade(session: Session) -> Grade | None:
-    return None if session.grade is None else Grade(session.grade)
+def grade(name: str | None) -> Grade | None:
+    return None if name is None else Grade(name)
 
 
 def report_version(report: StoredReport) -> models.ReportVersion:
@@ -78,18 +81,25 @@ def report_version(report: StoredReport) -> models.ReportVersion:
     )
 
 
-def history(session_id: str, entries: Sequence[Review]) -> models.ReviewHistory:
+def history(session: Session, entries: Sequence[Review]) -> models.ReviewHistory:
     undone = {entry.undoes for entry in entries if entry.kind == ReviewKind.UNDO}
-    signed_off = signed_off_us(entries)
+    holding = {entry.id for entry in sign_offs(entries, session.report_id)}
     return models.ReviewHistory(
-        session=session_id,
-        version=entries[-1].version if entries else 0,
-        signed_off_at=None if signed_off is None else to_datetime(signed_off),
-        entries=[review(entry, is_undone=entry.id in undone) for entry in entries],
+        session=session.id,
+        version=session.n_reviews,
+        signed_off_at=None if session.signed_off_us is None else to_datetime(session.signed_off_us),
+        entries=[
+            review(
+                entry,
+                is_undone=entry.id in undone,
+                is_outdated=entry.kind == ReviewKind.SIGN_OFF and entry.id not in holding | undone,
+            )
+            for entry in entries
+        ],
     )
 
 
-def review(entry: Review, *, is_undone: bool = False) -> models.ReviewOut:
+def review(entry: Review, *, is_undone: bool = False, is_outdated: bool = False) -> models.ReviewOut:
     return models.ReviewOut(
         id=entry.id,
         version=entry.version,
@@ -100,9 +110,18 @@ def review(entry: Review, *, is_undone: bool = False) -> models.ReviewOut:
         reason=entry.reason,
         undoes=entry.undoes,
         is_undone=is_undone,
+        is_outdated=is_outdated,
         reviewer=entry.reviewer,
         at=to_datetime(entry.at_us),
     )
+
+
+def lease(found: Lease) -> models.LeaseOut:
+    return models.LeaseOut(reviewer=found.reviewer, expires_at=to_datetime(found.expires_at_us))
+
+
+def queue_item(session: Session, mistakes: Sequence[str], held: Lease | None) -> models.QueueItem:
+    return models.QueueItem(session=summary(session, mistakes), lease=None if held is None else lease(held))
 
 
 def key(found: ApiKey) -> models.KeyOut:

@@ -5,9 +5,7 @@ Modules raise these; none of them builds an error response of its own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-from inhalemon.exceptions import RecordingError
+from collections.abc import Mapping, Sequence
 
 
 class ServiceError(Exception):
@@ -75,6 +73,21 @@ class ConflictError(ProblemError):
     status, kind, title = 409, "conflict", "That does not fit the present state"
 
 
+class AmbiguousPatientError(ConflictError):
+    """A pseudonym means somebody else at each clinic."""
+
+    kind, title = "ambiguous-patient", "Several clinics have such a patient"
+
+    def __init__(self, patient_ref: str, clinics: Sequence[str]) -> None:
+        super().__init__(
+            f"{' and '.join(clinics)} each have a patient of that reference, who may be different people;"
+            " say which with ?clinic=.",
+            clinics=list(clinics),
+        )
+        self.patient_ref = patient_ref
+        self.clinics = tuple(clinics)
+
+
 class ChangedMeanwhileError(ProblemError):
     status, kind, title = 412, "changed-meanwhile", "Somebody was first"
 
@@ -133,16 +146,3 @@ class DiskFullError(ProblemError):
 
     def __init__(self, detail: str = "Nothing of this request was kept. Free some space, then send it again.") -> None:
         super().__init__(detail)
-
-
-def from_recording_error(error: RecordingError, *, file: str | None = None) -> UnusableRecordingError:
-    """The reader's refusal as a problem, with line and column where they are known."""
-    return UnusableRecordingError(
-        str(error),
-        code=error.code,
-        file=file,
-        line=error.line,
-        column=error.column,
-        found=error.found,
-        wanted=error.wanted,
-    )

@@ -9,6 +9,7 @@ import orjson
 import structlog
 from starlette.concurrency import run_in_threadpool
 
+from api import verdicts
 from api.jobs import Answer, CrashedError, DeadlineError, SaturatedError
 from api.moments import SECOND_US, from_iso, now_us, to_iso
 from api.problems import (
@@ -21,7 +22,7 @@ from api.problems import (
 )
 from api.pseudonym import checked
 from api.service import Service
-from api.store import Connection, chores, sessions
+from api.store import Connection, chores, reviews, sessions
 from api.store.sessions import Session, StoredReport
 
 log = structlog.get_logger(__name__)
@@ -86,10 +87,12 @@ class Scorer:
         recorded_at = _text(found.get("recorded_at"))
         with service.store.write() as connection:
             session = sessions.find(connection, (session.clinic_id,), session.id, lock=True)
+            entries = reviews.history(connection, session.id) if session.n_reviews else []
             session, kept = sessions.keep_report(
                 connection,
                 session,
                 answer.body,
+                verdicts.outcome(verdicts.report_of(answer.body), entries, service.rules),
                 device=str(found["device"]),
                 session_ref=_text(found.get("session_ref")),
                 patient_ref=patient_ref,

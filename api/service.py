@@ -14,6 +14,7 @@ from api.metrics import Metrics
 from api.settings import ServiceSettings
 from api.store import Store
 from api.store.audit import AuditLog
+from inhalemon.rules import RuleSet, load_rules
 
 _FIVE_MINUTES_S = 300.0
 
@@ -54,6 +55,11 @@ class Service:
             max_waiting=self.settings.max_waiting,
             deadline_s=self.settings.score_deadline_s,
         )
+
+    @cached_property
+    def rules(self) -> RuleSet:
+        """The profile that the workers score by."""
+        return load_rules(self.settings.scoring_rules)
 
     def close(self) -> None:
         self.store.close()

@@ -9,6 +9,7 @@ import numpy as np
 
 from inhalemon.devices import Device, load_device
 from inhalemon.rules import RuleSet, load_rules
+from inhalemon.rules.scoring import score
 from inhalemon.settings import Settings
 from inhalemon.signals import resample_attitude
 from inhalemon.stages.attitude import GRAVITY_M_S2, estimate_attitude
@@ -22,7 +23,6 @@ from inhalemon.stages.measures import measure_dose
 from inhalemon.stages.motion import describe_motion
 from inhalemon.stages.phases import find_phases
 from inhalemon.stages.quality import assess_quality
-from inhalemon.stages.score import score
 from inhalemon.stages.sensors import correct_sensors
 from inhalemon.stages.shakes import find_shakes
 from inhalemon.stages.worst import worst_of

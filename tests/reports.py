@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from inhalemon.devices import load_device
 from inhalemon.rules import load_rules
+from inhalemon.rules.scoring import score
 from inhalemon.stages.findings import apply_rules
-from inhalemon.stages.score import score
 from inhalemon.stages.worst import worst_of
 from inhalemon.values import (
     DeviceKind,

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from inhalemon.devices import load_device
 from inhalemon.rules import load_rules
+from inhalemon.rules.scoring import POINTS, after_review, score
 from inhalemon.simulate import simulate_session
 from inhalemon.simulate.mistakes import MISTAKES
 from inhalemon.stages.findings import apply_rules
-from inhalemon.stages.score import score
 from inhalemon.stages.worst import worst_of
 from inhalemon.values import Dose, Finding, Grade, Measure, Severity, Verdict
 
@@ -391,3 +391,34 @@ def test_rules_on_the_true_measures_of_a_session_find_exactly_what_was_acted(dev
     assert {finding.rule for finding in found if finding.verdict is FAIL} == set(truth.mistakes)
     undecided = {(finding.rule, finding.reason) for finding in found if finding.verdict is OPEN}
     assert undecided <= {("press_incomplete", "travel_not_calibrated")}
+
+
+# ------------------------------------------------------------------------------------------ after review
+
+
+def test_a_mistake_that_a_person_sees_counts_by_the_gravest_severity_still_open():
+    found = findings_of("pmdi", shake_duration_s=1.5)
+    assert found["shake_too_short"].severity is MAJOR
+    said = {"shake_too_short": PASS, "not_shaken": FAIL, "lip_seal": FAIL}
+    held = {each.rule: each for each in after_review(found.values(), said, load_rules())}
+    assert [(held[rule].verdict, held[rule].severity) for rule in said] == [
+        (PASS, None),
+        (FAIL, CRITICAL),  # the gravest of the rule
+        (FAIL, MAJOR),  # sensors never see it, and the rules do not weigh it
+    ]
+    assert score(held.values()).points == 100 - POINTS[CRITICAL] - POINTS[MAJOR]
+    assert score(held.values()).grade is Grade.CRITICAL_MISTAKES
+    assert after_review(found.values(), {}, load_rules()) == tuple(found.values())
+
+
+def test_a_verdict_that_a_person_shares_changes_nothing():
+    found = findings_of("pmdi", shake_duration_s=1.5, shake_to_press_s=11.0)
+    said = {rule: finding.verdict for rule, finding in found.items()}
+    assert after_review(found.values(), said, load_rules()) == tuple(found.values())
+
+
+def test_a_critical_rule_that_a_person_could_not_judge_leaves_the_session_not_assessable():
+    found = findings_of("pmdi", shake_cycles=1, shake_duration_s=0.3)
+    assert found["not_shaken"].severity is CRITICAL
+    held = after_review(found.values(), {"not_shaken": NONE}, load_rules())
+    assert score(held).grade is Grade.NOT_ASSESSABLE

@@ -13,8 +13,9 @@ import pytest
 from api import problems, rendering
 from api.pages import upload
 from api.principal import Role, Scope
+from api.store.listing import Order
 from api.store.reviews import ReviewKind
-from api.store.sessions import Order, State
+from api.store.sessions import State
 from api.words import Words, catalogue, preferred
 from inhalemon.measures import MEASURES
 from inhalemon.pipeline import score_recording

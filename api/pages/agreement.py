@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from fastapi import APIRouter, Request, Response
 
+from api import viewing
 from api.access import Reader, ServiceDep
 from api.pages.titles import rule_titles
 from api.rendering import render
-from api.routes import following
 
 router = APIRouter(prefix="/agreement", tags=["pages"], include_in_schema=False)
 
 
 @router.get("")
 def agreement_page(request: Request, service: ServiceDep, who: Reader) -> Response:
-    found = following.get_agreement(service, who)
+    found = viewing.agreement_view(service, who, clinic=None)
     tables = [
         ("Machine against reviewers", "machine", found.machine_and_reviewers),
         ("Reviewers among each other", "people", found.reviewers_among_each_other),

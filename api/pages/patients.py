@@ -7,11 +7,13 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Request, Response
 
+from api import viewing
 from api.access import Reader, ServiceDep
 from api.models import Progress
 from api.pages.titles import rule_titles
+from api.problems import AmbiguousPatientError
 from api.rendering import render, words_for
-from api.routes import following
+from api.routes.common import ClinicQuery
 from api.words import Words
 
 router = APIRouter(prefix="/patients", tags=["pages"], include_in_schema=False)
@@ -20,9 +22,16 @@ _COLUMNS = 24  # sessions in the table of mistakes, the newest
 
 @router.get("/{ref}")
 def patient_page(
-    request: Request, service: ServiceDep, who: Reader, ref: Annotated[str, Path(max_length=64)]
+    request: Request,
+    service: ServiceDep,
+    who: Reader,
+    ref: Annotated[str, Path(max_length=64)],
+    clinic: ClinicQuery = None,
 ) -> Response:
-    found = following.get_progress(service, who, ref)
+    try:
+        found = viewing.progress_view(service, who, ref, clinic=clinic)
+    except AmbiguousPatientError as problem:
+        return render(request, "patient_choice.html", {"problem": problem}, who=who, status=problem.status)
     words, titles = words_for(request), rule_titles(service)
     shown = found.sessions[-_COLUMNS:]
     content = {

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from fastapi import APIRouter, Request, Response
 
+from api import reviewing, viewing
 from api.access import Reviewer, ServiceDep
-from api.models import QueueItem
 from api.pages.titles import rule_titles
 from api.rendering import render
-from api.routes import reviews
 from api.routes.common import ClinicQuery, SessionId
 
 router = APIRouter(tags=["pages"], include_in_schema=False)
@@ -17,7 +16,7 @@ _SHOWN = 50
 
 @router.get("/queue")
 def queue_page(request: Request, service: ServiceDep, who: Reviewer, clinic: ClinicQuery = None) -> Response:
-    found = reviews.get_queue(service, who, clinic, _SHOWN)
+    found = viewing.queue_view(service, who, clinic=clinic, limit=_SHOWN)
     content = {"items": found.items, "clinic": clinic, "titles": rule_titles(service), "limit": _SHOWN}
     return render(request, "queue.html", content, who=who)
 
@@ -25,19 +24,14 @@ def queue_page(request: Request, service: ServiceDep, who: Reviewer, clinic: Cli
 @router.post("/queue/next")
 def take_next(service: ServiceDep, who: Reviewer, clinic: ClinicQuery = None, after: str | None = None) -> Response:
     """Take the next session and go there; where nothing is left, the empty queue says so."""
-    taken = reviews.take_next(service, who, clinic, after)
-    target = (
-        f"/sessions/{taken.session.id}"
-        if isinstance(taken, QueueItem)
-        else f"/queue?clinic={clinic}"
-        if clinic
-        else "/queue"
-    )
+    taken = reviewing.take_next(service, who, clinic=clinic, after=after)
+    nothing = f"/queue?clinic={clinic}" if clinic else "/queue"
+    target = nothing if taken is None else f"/sessions/{taken.session.id}"
     return Response(status_code=204, headers={"HX-Redirect": target})
 
 
 @router.post("/queue/{session_id}/take")
 def take(service: ServiceDep, who: Reviewer, session_id: SessionId) -> Response:
     """Hold one session of the queue, and go there."""
-    reviews.hold(service, who, session_id)
+    reviewing.hold(service, who, session_id)
     return Response(status_code=204, headers={"HX-Redirect": f"/sessions/{session_id}"})

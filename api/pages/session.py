@@ -10,23 +10,23 @@ from fastapi import APIRouter, Form, Request, Response
 from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 
-from api import reviewing
+from api import present, reviewing, viewing
 from api.access import Administrator, Corrector, Reader, Reviewer, ServiceDep
-from api.models import PatientCorrection, ReviewHistory, ReviewIn
+from api.models import PatientCorrection, ReviewIn
 from api.pages import findings
 from api.pages.titles import rule_titles, rules_of
 from api.principal import Principal, Scope
-from api.problems import ChangedMeanwhileError, InvalidError
+from api.problems import ChangedMeanwhileError, InvalidError, NotFoundError
 from api.rendering import render, words_for
-from api.routes import reviews as review_routes
 from api.routes import sessions as session_routes
 from api.routes.common import SessionId
 from api.routes.reviews import IfMatch, version_of
 from api.scoring import Scorer
 from api.service import Service
-from api.store import reviews, sessions
+from api.store import sessions
 from api.store.reviews import ReviewKind
 from api.store.sessions import State
+from api.viewing import SessionView
 from api.words import Words
 from inhalemon.measures import MEASURES, unit_of
 from inhalemon.values import Verdict
@@ -38,16 +38,18 @@ ShortText = Annotated[str | None, Form(max_length=2000)]
 
 @router.get("/{session_id}")
 def session_page(request: Request, service: ServiceDep, who: Reader, session_id: SessionId) -> Response:
-    detail = _detail(service, who, session_id)
+    found = viewing.session_view(service, who, session_id)
     words = words_for(request)
-    report = detail["report"]
+    report = None if found.report is None else orjson.loads(found.report.body)
+    is_held = found.lease is not None and found.lease.reviewer_id != who.id
     content: dict[str, Any] = {
-        "session": detail,
+        "session": present.summary(found.session, found.mistakes),
+        "problem": None if found.session.failure is None else orjson.loads(found.session.failure),
         "report": report,
-        "holder": _holder(service, who, session_id),
+        "holder": found.lease.reviewer if found.lease is not None and is_held else None,
     }
     if report is not None:
-        content |= _review(request, service, who, session_id, report)
+        content |= _review(request, service, who, found)
         content["drawn"] = _drawn(session_id, report, words)
         content["measures"] = _measures(report, words)
     return render(request, "session.html", content, who=who)
@@ -64,8 +66,7 @@ def wait(service: ServiceDep, who: Reader, session_id: SessionId) -> Response:
 @router.get("/{session_id}/review")
 def review_part(request: Request, service: ServiceDep, who: Reader, session_id: SessionId) -> Response:
     """The review as it stands now."""
-    report = _detail(service, who, session_id)["report"]
-    return render(request, "_review.html", _review(request, service, who, session_id, report), who=who)
+    return _review_part(request, service, who, viewing.session_view(service, who, session_id))
 
 
 @router.post("/{session_id}/review")
@@ -90,17 +91,14 @@ def add_entry(
         raise InvalidError("; ".join(each["msg"] for each in error.errors())) from error
     expected = version_of(if_match)
     try:
-        reviewing.append(service, who, session_id, given, expected)
-        if kind != ReviewKind.SIGN_OFF:
-            _hold(service, who, session_id)
+        _, found = reviewing.append(service, who, session_id, given, expected, holds=True)
     except ChangedMeanwhileError:
-        history = review_routes.get_reviews(service, who, session_id, Response())
+        history = viewing.review_view(service, who, session_id)
         new = [entry for entry in history.entries if entry.version > (expected or 0)]
         content = {"new": new, "given": given, "session_id": session_id, "titles": rule_titles(service)}
         headers = {"HX-Retarget": "#conflict", "HX-Reswap": "innerHTML"}
         return render(request, "_conflict.html", content, who=who, status=412, headers=headers)
-    report = _detail(service, who, session_id)["report"]
-    return render(request, "_review.html", _review(request, service, who, session_id, report), who=who)
+    return _review_part(request, service, who, found)
 
 
 @router.post("/{session_id}/patient")
@@ -117,7 +115,7 @@ def correct_patient(
 
 @router.post("/{session_id}/score")
 async def score_again(request: Request, service: ServiceDep, who: Corrector, session_id: SessionId) -> Response:
-    session = await run_in_threadpool(session_routes.seen, service, who, session_id, "session.scored_again")
+    session = await run_in_threadpool(viewing.seen, service, who, session_id, "session.scored_again")
     scorer: Scorer = request.app.state.scorer
     await scorer.score(session, who.actor)
     return _reload()
@@ -136,40 +134,33 @@ def _reload() -> Response:
 # ------------------------------------------------------------------------------------------ what the page shows
 
 
-def _detail(service: Service, who: Principal, session_id: str) -> dict[str, Any]:
-    found: dict[str, Any] = orjson.loads(session_routes.get_session(service, who, session_id).body)
-    return found
+def _review_part(request: Request, service: Service, who: Principal, found: SessionView) -> Response:
+    """The review alone, and beside it the result that it changed."""
+    content = _review(request, service, who, found) | {"is_part": True}
+    return render(request, "_review.html", content, who=who)
 
 
-def _holder(service: Service, who: Principal, session_id: str) -> str | None:
-    """Who else holds this session for a review at present."""
-    with service.store.read() as connection:
-        lease = reviews.leases_of(connection, [session_id]).get(session_id)
-    return None if lease is None or lease.reviewer_id == who.id else lease.reviewer
-
-
-def _hold(service: Service, who: Principal, session_id: str) -> None:
-    """Whoever writes an entry goes on holding the session, unless somebody else has it."""
-    with service.store.write() as connection:
-        reviews.try_lease(connection, session_id, who.id, who.actor, service.settings.lease_minutes * 60)
-
-
-def _review(
-    request: Request, service: Service, who: Principal, session_id: str, report: Mapping[str, Any]
-) -> dict[str, Any]:
-    history: ReviewHistory = review_routes.get_reviews(service, who, session_id, Response())
+def _review(request: Request, service: Service, who: Principal, found: SessionView) -> dict[str, Any]:
+    if found.report is None:
+        raise NotFoundError(f"Session {found.session.id} is {found.session.state}.")
+    report = orjson.loads(found.report.body)
+    history = present.history(found.session, found.entries)
     words, titles = words_for(request), rule_titles(service)
-    groups = findings.grouped(report, history, words, titles, actor=who.actor)
-    missed = [rule for rule in rules_of(service, report["device"]) if _could_be_added(rule, report)]
+    signed_off = [
+        entry for entry in findings.standing(history) if entry.kind == ReviewKind.SIGN_OFF and not entry.is_outdated
+    ]
     return {
-        "session_id": session_id,
-        "groups": groups,
+        "session": present.summary(found.session, found.mistakes),
+        "groups": findings.grouped(report, history, words, titles, actor=who.actor),
         "history": history,
-        "signed_off": [entry for entry in findings.standing(history) if entry.kind == ReviewKind.SIGN_OFF],
+        "signed_off": signed_off,
+        "has_signed": any(entry.reviewer == who.actor for entry in signed_off),
+        "was_signed": any(entry.is_outdated for entry in history.entries),
         "titles": titles,
         "never_seen": findings.NEVER_SEEN,
-        "missed": missed,
+        "missed": [rule for rule in rules_of(service, report["device"]) if _could_be_added(rule, report)],
         "may_review": Scope.REVIEW in who.scopes,
+        "is_part": False,
     }
 
 

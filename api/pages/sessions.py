@@ -6,16 +6,17 @@ from urllib.parse import urlencode
 
 from fastapi import APIRouter, Request, Response
 
+from api import viewing
 from api.access import Reader, ServiceDep
 from api.pages.titles import rule_titles
 from api.rendering import render
-from api.routes import sessions
-from api.routes.common import Cursor
+from api.routes.common import ClinicQuery, Cursor
 from api.routes.filters import FilterDep
-from api.store.sessions import Order
+from api.store.listing import Order
 from inhalemon.values import DeviceKind, Grade, Verdict
 
 router = APIRouter(tags=["pages"], include_in_schema=False)
+_SHOWN = 50
 
 
 @router.get("/sessions")
@@ -25,9 +26,10 @@ def sessions_page(
     who: Reader,
     narrowed: FilterDep,
     order: Order = Order.NEWEST,
+    clinic: ClinicQuery = None,
     cursor: Cursor = None,
 ) -> Response:
-    found = sessions.list_sessions(service, who, narrowed, order, None, cursor, 50)
+    found = viewing.list_view(service, who, narrowed, order=order, clinic=clinic, cursor=cursor, limit=_SHOWN)
     chosen = {name: value for name, value in request.query_params.items() if name != "cursor" and value}
     content = {
         "page": found,

@@ -7,8 +7,6 @@ from typing import Annotated, Any
 
 from fastapi import Path, Query
 
-from api.models import Problem
-
 ClinicQuery = Annotated[str | None, Query(description="one of your clinics; default: all of them", max_length=63)]
 SessionId = Annotated[str, Path(pattern=r"^[a-z2-7]{26}$", description="the session's identifier")]
 Limit = Annotated[int, Query(ge=1, le=200)]
@@ -37,6 +35,3 @@ def problems(*statuses: int) -> Mapping[int | str, dict[str, Any]]:
     wanted = sorted({400, 401, 403, 422, 429, *statuses})
     content = {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}}
     return {status: {"description": _TOLD[status], "content": content} for status in wanted}
-
-
-__all__ = ["ClinicQuery", "Cursor", "Limit", "Problem", "SessionId", "problems"]

@@ -11,7 +11,6 @@ from api.access import Anybody, Reader, ServiceDep
 from api.problems import NotFoundError, NotInstalledError
 from api.routes.common import SessionId, problems
 from api.store import reviews, sessions
-from inhalemon.rules import load_rules
 
 router = APIRouter(prefix="/v1", tags=["fhir"])
 _BUNDLE: dict[int | str, dict[str, Any]] = {200: {"content": {"application/fhir+json": {}}, "description": "a Bundle"}}
@@ -42,7 +41,7 @@ def get_bundle(service: ServiceDep, who: Reader, session_id: SessionId) -> Respo
         entries = reviews.history(connection, session.id)
         service.audit.record(connection, session.clinic_id, who.actor, "fhir.read", session.id, version=report.version)
     fhir = _fhir()
-    content = fhir.bundle(session, report, entries, load_rules(service.settings.scoring_rules))
+    content = fhir.bundle(session, report, entries, service.rules)
     return Response(content, media_type=fhir.MEDIA_TYPE)
 
 
@@ -54,4 +53,4 @@ def get_bundle(service: ServiceDep, who: Reader, session_id: SessionId) -> Respo
 )
 def get_code_systems(service: ServiceDep, _who: Anybody) -> Response:
     fhir = _fhir()
-    return Response(fhir.code_systems(load_rules(service.settings.scoring_rules)), media_type=fhir.MEDIA_TYPE)
+    return Response(fhir.code_systems(service.rules), media_type=fhir.MEDIA_TYPE)

@@ -10,7 +10,8 @@ from fastapi import Depends, Query
 from pydantic import BeforeValidator
 
 from api.moments import from_iso
-from api.store.sessions import Filter, State
+from api.store.listing import Filter
+from api.store.sessions import State
 from inhalemon.values import DeviceKind, Grade, Verdict
 
 
@@ -49,11 +50,6 @@ async def _filter(
 
 
 FilterDep = Annotated[Filter, Depends(_filter)]
-
-
-def is_named(given: Filter) -> bool:
-    """Whether the list is of one patient."""
-    return given.patient_ref is not None
 
 
 def _moment(at: datetime | None) -> int | None:

@@ -7,12 +7,11 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Path, Query
 from fastapi.responses import StreamingResponse
 
-from api import exporting, following
+from api import exporting, viewing
 from api.access import Exporter, Reader, ServiceDep
 from api.models import Agreements, Progress
-from api.problems import NotFoundError
 from api.routes.common import ClinicQuery, problems
-from api.routes.filters import FilterDep, is_named
+from api.routes.filters import FilterDep
 
 router = APIRouter(prefix="/v1", tags=["following"])
 
@@ -20,7 +19,7 @@ router = APIRouter(prefix="/v1", tags=["following"])
 @router.get(
     "/patients/{ref}/progress",
     summary="A patient's mistakes over time, the trend, the steps kept",
-    responses=dict(problems(404)),
+    responses=dict(problems(404, 409)),
 )
 def get_progress(
     service: ServiceDep,
@@ -28,17 +27,10 @@ def get_progress(
     ref: Annotated[str, Path(max_length=64, description="patient_ref")],
     clinic: ClinicQuery = None,
 ) -> Progress:
-    """Verdicts are those after review: what a reviewer has overridden counts as the reviewer said."""
-    clinic_ids = who.narrowed(clinic)
-    with service.store.write() as connection:
-        found = following.progress(connection, clinic_ids, ref)
-        if found is None:
-            raise NotFoundError("There is no scored session of such a patient here.")
-        for clinic_id in clinic_ids:
-            service.audit.record(
-                connection, clinic_id, who.actor, "patient.read", sessions=[each.session for each in found.sessions]
-            )
-    return found
+    """Verdicts are those after review: what a reviewer has overridden counts as the reviewer said. A reference that
+    several of your clinics use may mean different people: 409 names the clinics until `clinic` says which.
+    """
+    return viewing.progress_view(service, who, ref, clinic=clinic)
 
 
 @router.get(
@@ -48,8 +40,7 @@ def get_agreement(service: ServiceDep, who: Reader, clinic: ClinicQuery = None) 
     """Per rule: n, sensitivity, specificity and Cohen's kappa with 95 % intervals, over reviewed sessions. A sign-off
     says that what its reviewer has not contradicted is right.
     """
-    with service.store.read() as connection:
-        return following.agreements(connection, who.narrowed(clinic))
+    return viewing.agreement_view(service, who, clinic=clinic)
 
 
 @router.get("/export", summary="Everything, streamed", response_class=StreamingResponse, responses=dict(problems(404)))
@@ -65,7 +56,7 @@ def export(
     with service.store.write() as connection:
         for clinic_id in clinic_ids:
             service.audit.record(
-                connection, clinic_id, who.actor, "sessions.exported", format=format, by_patient=is_named(narrowed)
+                connection, clinic_id, who.actor, "sessions.exported", format=format, by_patient=narrowed.is_of_patient
             )
     make, media_type = {
         "csv": (exporting.csv_lines, "text/csv; charset=utf-8"),

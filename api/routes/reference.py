@@ -10,14 +10,14 @@ from fastapi import APIRouter
 from api.access import Anybody, ServiceDep
 from api.routes.common import problems
 from inhalemon.devices import device_names, load_device
-from inhalemon.rules import explain, load_rules
+from inhalemon.rules import explain
 
 router = APIRouter(prefix="/v1", tags=["reference"])
 
 
 @router.get("/rules", summary="Every rule: limits, severity, evidence, source", responses=dict(problems()))
 def rules(service: ServiceDep, _who: Anybody) -> dict[str, Any]:
-    found = load_rules(service.settings.scoring_rules)
+    found = service.rules
     return {
         "profile": found.profile,
         "digest": found.digest,

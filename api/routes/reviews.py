@@ -9,16 +9,14 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from api import present, reviewing
+from api import present, reviewing, viewing
 from api.access import Reader, Reviewer, ServiceDep
 from api.answers import Json
 from api.idempotency import Once
 from api.models import LeaseOut, Queue, QueueItem, ReviewHistory, ReviewIn, ReviewOut
-from api.moments import to_datetime
 from api.problems import BadRequestError
 from api.routes.common import ClinicQuery, Limit, SessionId, problems
 from api.store import reviews, sessions
-from api.store.reviews import Lease
 
 router = APIRouter(prefix="/v1", tags=["reviews"])
 IfMatch = Annotated[str | None, Header(description='the version you saw: the ETag of the review, such as "3"')]
@@ -36,12 +34,9 @@ def version_of(if_match: str | None) -> int | None:
 
 @router.get("/sessions/{session_id}/reviews", summary="Every entry of a review", responses=dict(problems(404)))
 def get_reviews(service: ServiceDep, who: Reader, session_id: SessionId, response: Response) -> ReviewHistory:
-    with service.store.write() as connection:
-        session = sessions.find(connection, who.clinic_ids, session_id)
-        entries = reviews.history(connection, session.id)
-        service.audit.record(connection, session.clinic_id, who.actor, "reviews.read", session.id)
-    response.headers["etag"] = f'"{session.n_reviews}"'
-    return present.history(session.id, entries)
+    found = viewing.review_view(service, who, session_id)
+    response.headers["etag"] = f'"{found.version}"'
+    return found
 
 
 @router.post(
@@ -64,13 +59,13 @@ async def add_review(
     if (before := await once.begin()) is not None:
         return before
     async with once:
-        entry, session = await run_in_threadpool(reviewing.append, service, who, session_id, given, expected)
+        entry, found = await run_in_threadpool(reviewing.append, service, who, session_id, given, expected)
         answer = Json(
             present.review(entry).model_dump(mode="json"),
             status_code=201,
-            headers={"etag": f'"{session.n_reviews}"', "location": f"/v1/sessions/{session.id}/reviews"},
+            headers={"etag": f'"{found.session.n_reviews}"', "location": f"/v1/sessions/{session_id}/reviews"},
         )
-        return await once.finish(answer, session_ids=[session.id])
+        return await once.finish(answer, session_ids=[session_id])
 
 
 # ------------------------------------------------------------------------------------------ queue
@@ -79,29 +74,13 @@ async def add_review(
 @router.get("/review-queue", summary="What to review next: the worst and oldest first", responses=dict(problems(404)))
 def get_queue(service: ServiceDep, who: Reviewer, clinic: ClinicQuery = None, limit: Limit = 20) -> Queue:
     """Scored, not signed off, and held by nobody else."""
-    clinic_ids = who.narrowed(clinic)
-    with service.store.write() as connection:
-        found = reviews.queue(connection, clinic_ids, who.id, limit)
-        ids = [each.id for each in found]
-        mistakes, leases = sessions.mistakes_of(connection, ids), reviews.leases_of(connection, ids)
-        for clinic_id in clinic_ids:
-            service.audit.record(connection, clinic_id, who.actor, "queue.read", count=len(found))
-    return Queue(
-        items=[
-            QueueItem(session=present.summary(each, mistakes[each.id]), lease=_lease(leases.get(each.id)))
-            for each in found
-        ]
-    )
-
-
-def _lease(found: Lease | None) -> LeaseOut | None:
-    return None if found is None else LeaseOut(reviewer=found.reviewer, expires_at=to_datetime(found.expires_at_us))
+    return viewing.queue_view(service, who, clinic=clinic, limit=limit)
 
 
 @router.post(
     "/review-queue/next",
     summary="Take the next session and hold it for yourself",
-    responses={**problems(404, 409), 204: {"description": "Nothing is left to review"}},
+    responses={**problems(404, 409), 200: {"model": QueueItem}, 204: {"description": "Nothing is left to review"}},
 )
 def take_next(
     service: ServiceDep,
@@ -110,33 +89,16 @@ def take_next(
     after: Annotated[
         str | None, Query(description="the session you have just done: released, and not given again")
     ] = None,
-) -> QueueItem:
-    clinic_ids = who.narrowed(clinic)
-    seconds = service.settings.lease_minutes * 60
-    with service.store.write() as connection:
-        if after is not None:
-            reviews.release_lease(connection, after, who.id)
-        for session in reviews.queue(connection, clinic_ids, who.id, 20):
-            if session.id == after:
-                continue
-            lease = reviews.try_lease(connection, session.id, who.id, who.actor, seconds)
-            if lease is not None:
-                service.audit.record(connection, session.clinic_id, who.actor, "queue.taken", session.id)
-                mistakes = sessions.mistakes_of(connection, [session.id])[session.id]
-                return QueueItem(session=present.summary(session, mistakes), lease=_lease(lease))
-    return Response(status_code=204)  # type: ignore[return-value]  # nothing is left
+) -> Response:
+    taken = reviewing.take_next(service, who, clinic=clinic, after=after)
+    return Response(status_code=204) if taken is None else Json(taken.model_dump(mode="json"))
 
 
 @router.put(
     "/sessions/{session_id}/lease", summary="Hold a session, or hold it longer", responses=dict(problems(404, 409))
 )
 def hold(service: ServiceDep, who: Reviewer, session_id: SessionId) -> LeaseOut:
-    with service.store.write() as connection:
-        session = sessions.find(connection, who.clinic_ids, session_id)
-        seconds = service.settings.lease_minutes * 60
-        lease = reviews.take_lease(connection, session.id, who.id, who.actor, seconds)
-        service.audit.record(connection, session.clinic_id, who.actor, "queue.taken", session.id)
-    return LeaseOut(reviewer=lease.reviewer, expires_at=to_datetime(lease.expires_at_us))
+    return reviewing.hold(service, who, session_id)
 
 
 @router.delete(

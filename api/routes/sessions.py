@@ -10,20 +10,19 @@ from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import HTMLResponse, StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
-from api import erasing, present, series
+from api import erasing, present, series, viewing
 from api.access import Administrator, Corrector, Reader, ServiceDep
 from api.answers import REPORT_POLICY, Json
 from api.idempotency import Once
 from api.models import PatientCorrection, Report, ReportVersion, SessionDetail, SessionPage, SessionSummary
-from api.principal import Principal
 from api.problems import ConflictError, NotFoundError
 from api.pseudonym import checked
 from api.routes.common import ClinicQuery, Cursor, Limit, SessionId, problems
-from api.routes.filters import FilterDep, is_named
+from api.routes.filters import FilterDep
 from api.scoring import Scorer, ask_worker
-from api.service import Service
 from api.store import chores, sessions
-from api.store.sessions import Order, Session, State
+from api.store.listing import Order
+from api.store.sessions import State
 
 router = APIRouter(prefix="/v1/sessions", tags=["sessions"])
 _MEDIA_TYPES = {
@@ -44,31 +43,7 @@ def list_sessions(
     cursor: Cursor = None,
     limit: Limit = 50,
 ) -> SessionPage:
-    clinic_ids = who.narrowed(clinic)
-    # A cursor belongs to its listing: with other filters or another order it is refused, not misread.
-    listing = f"sessions:{order}:{narrowed}:{clinic_ids}"
-    after = None if cursor is None else service.secret.read_cursor(listing, cursor)
-    with service.store.write() as connection:
-        found = sessions.page(connection, clinic_ids, narrowed, order, after, limit + 1)
-        shown = found[:limit]
-        mistakes = sessions.mistakes_of(connection, [each.id for each in shown])
-        for clinic_id in clinic_ids:
-            service.audit.record(
-                connection, clinic_id, who.actor, "sessions.listed", count=len(shown), by_patient=is_named(narrowed)
-            )
-    last = sessions.position(shown[-1], order) if len(found) > limit else None
-    return SessionPage(
-        items=[present.summary(each, mistakes[each.id]) for each in shown],
-        next=None if last is None else service.secret.sign_cursor(listing, last),
-    )
-
-
-def seen(service: Service, who: Principal, session_id: str, action: str) -> Session:
-    """The session, with an audit entry that it was looked at. Raises `NotFoundError`."""
-    with service.store.write() as connection:
-        session = sessions.find(connection, who.clinic_ids, session_id)
-        service.audit.record(connection, session.clinic_id, who.actor, action, session.id)
-    return session
+    return viewing.list_view(service, who, narrowed, order=order, clinic=clinic, cursor=cursor, limit=limit)
 
 
 @router.get(
@@ -77,12 +52,9 @@ def seen(service: Service, who: Principal, session_id: str, action: str) -> Sess
     responses={**problems(404), 200: {"model": SessionDetail}},
 )
 def get_session(service: ServiceDep, who: Reader, session_id: SessionId) -> Response:
-    with service.store.write() as connection:
-        session = sessions.find(connection, who.clinic_ids, session_id)
-        report = sessions.report(connection, session.id)
-        mistakes = sessions.mistakes_of(connection, [session.id])[session.id]
-        service.audit.record(connection, session.clinic_id, who.actor, "session.read", session.id)
-    return Json(present.detail(session, report, mistakes), headers={"etag": f'"{session.n_reviews}"'})
+    found = viewing.session_view(service, who, session_id)
+    body = present.detail(found.session, found.report, found.mistakes)
+    return Json(body, headers={"etag": f'"{found.session.n_reviews}"'})
 
 
 @router.patch(
@@ -121,17 +93,17 @@ def erase_session(service: ServiceDep, who: Administrator, session_id: SessionId
 # ------------------------------------------------------------------------------------------ reports
 
 
-@router.get("/{session_id}/report", summary="The newest report, or one version", responses=dict(problems(404)))
+@router.get(
+    "/{session_id}/report",
+    summary="The newest report, or one version",
+    responses={**problems(404), 200: {"model": Report}},
+)
 def get_report(
     service: ServiceDep,
     who: Reader,
     session_id: SessionId,
     version: Annotated[int | None, Query(ge=1)] = None,
-) -> Report:
-    return _report(service, who, session_id, version)  # type: ignore[return-value]  # stored JSON, sent as it is
-
-
-def _report(service: Service, who: Principal, session_id: str, version: int | None) -> Response:
+) -> Response:
     with service.store.write() as connection:
         session = sessions.find(connection, who.clinic_ids, session_id)
         report = sessions.report(connection, session.id, version)
@@ -162,7 +134,7 @@ def list_reports(service: ServiceDep, who: Reader, session_id: SessionId) -> lis
 )
 async def score_again(request: Request, service: ServiceDep, who: Corrector, session_id: SessionId) -> Response:
     """A report equal to the newest is not kept twice: then 201 answers with that one."""
-    session = await run_in_threadpool(seen, service, who, session_id, "session.scored_again")
+    session = await run_in_threadpool(viewing.seen, service, who, session_id, "session.scored_again")
     once = Once(service, who, request, session.id)
     if (before := await once.begin()) is not None:
         return before
@@ -181,7 +153,7 @@ async def score_again(request: Request, service: ServiceDep, who: Corrector, ses
     responses=dict(problems(404, 409, 500, 503)),
 )
 async def get_report_page(service: ServiceDep, who: Reader, session_id: SessionId) -> Response:
-    session = await run_in_threadpool(seen, service, who, session_id, "report.read")
+    session = await run_in_threadpool(viewing.seen, service, who, session_id, "report.read")
     if session.state == State.UNUSABLE:
         raise ConflictError(f"Session {session.id} cannot be used; there is nothing to show.")
     answer = await ask_worker(service, "page", session)
@@ -198,7 +170,7 @@ async def get_report_page(service: ServiceDep, who: Reader, session_id: SessionI
     responses=dict(problems(404)),
 )
 def get_recording(service: ServiceDep, who: Reader, session_id: SessionId) -> StreamingResponse:
-    session = seen(service, who, session_id, "recording.read")
+    session = viewing.seen(service, who, session_id, "recording.read")
     digest = base64.b64encode(bytes.fromhex(session.sha256)).decode()
     return StreamingResponse(
         service.files.blocks(session.clinic_id, session.sha256),
@@ -234,7 +206,7 @@ async def get_series(
     the length of a JSON head, the head, then one row of points for the time and for each channel.
     """
     names = series.chosen(channels)
-    session = await run_in_threadpool(seen, service, who, session_id, "series.read")
+    session = await run_in_threadpool(viewing.seen, service, who, session_id, "series.read")
     if session.state == State.UNUSABLE:
         raise ConflictError(f"Session {session.id} cannot be used; there is nothing to show.")
     table = await series.table_of(service, session)

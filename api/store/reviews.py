@@ -63,7 +63,7 @@ def append(
     reason: str | None = None,
     undoes: str | None = None,
 ) -> Review:
-    """Append one entry to a session that the caller holds locked."""
+    """Append one entry to a session that the caller holds locked, and that the caller settles then."""
     entry = Review(
         id=new_id(),
         session_id=session.id,
@@ -80,11 +80,8 @@ def append(
         at_us=now_us(),
     )
     connection.execute(reviews.insert().values({each.name: getattr(entry, each.name) for each in fields(entry)}))
-    standing_sign_off = signed_off_us(history(connection, session.id))
     connection.execute(
-        update(sessions)
-        .where(sessions.c.id == session.id)
-        .values(n_reviews=entry.version, reviewed_at_us=entry.at_us, signed_off_us=standing_sign_off)
+        update(sessions).where(sessions.c.id == session.id).values(n_reviews=entry.version, reviewed_at_us=entry.at_us)
     )
     return entry
 
@@ -102,18 +99,6 @@ def histories_of(connection: Connection, session_ids: Sequence[str]) -> dict[str
     for row in connection.execute(statement.order_by(reviews.c.session_id, reviews.c.version)).mappings():
         found[row["session_id"]].append(Review(**row))
     return found
-
-
-def standing(entries: Sequence[Review]) -> list[Review]:
-    """What is left when entries taken back, and the entries that took them back, are left out."""
-    undone = {entry.undoes for entry in entries if entry.kind == ReviewKind.UNDO}
-    return [entry for entry in entries if entry.kind != ReviewKind.UNDO and entry.id not in undone]
-
-
-def signed_off_us(entries: Sequence[Review]) -> int | None:
-    """When the session was signed off, if that stands."""
-    moments = [entry.at_us for entry in standing(entries) if entry.kind == ReviewKind.SIGN_OFF]
-    return moments[-1] if moments else None
 
 
 # ------------------------------------------------------------------------------------------ queue and leases

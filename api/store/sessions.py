@@ -8,12 +8,13 @@ from enum import StrEnum
 from typing import Any
 
 import orjson
-from sqlalchemy import Connection, Select, bindparam, delete, exists, func, select, tuple_, update
+from sqlalchemy import Connection, Select, bindparam, delete, func, select, update
 
 from api.moments import SECOND_US, new_id, now_us
 from api.problems import NotFoundError
 from api.store.engine import insert_new, streamed
 from api.store.tables import clinics, erasures, findings, reports, sessions
+from inhalemon.values import Finding, Score
 
 _MERIT = {
     "critical_mistakes": 0,
@@ -29,14 +30,6 @@ class State(StrEnum):
     UNSCORED = "unscored"  # the bytes are kept, scoring is due
     SCORED = "scored"
     UNUSABLE = "unusable"  # the reader refused it when it was scored later
-
-
-class Order(StrEnum):
-    NEWEST = "-recorded"
-    OLDEST = "recorded"
-    LAST_UPLOADED = "-uploaded"
-    FIRST_UPLOADED = "uploaded"
-    WORST = "worst"
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,12 +54,14 @@ class Session:
     failure: bytes | None
     report_id: str | None
     duration_s: float | None
-    grade: str | None
+    grade: str | None  # after review, as merit and points
     merit: int
     points: int | None
     n_reviews: int
     reviewed_at_us: int | None
     signed_off_us: int | None
+    machine_grade: str | None  # of the newest report
+    machine_points: int | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,25 +79,23 @@ class StoredReport:
 
 
 @dataclass(frozen=True, slots=True)
-class Filter:
-    """What a list is narrowed to; `None` narrows nothing."""
+class Outcome:
+    """What holds of a session: a report's findings after review, and what they are worth."""
 
-    patient_ref: str | None = None
-    device: str | None = None
-    grade: str | None = None
-    state: str | None = None
-    rule: str | None = None
-    verdict: str | None = None
-    reviewed: bool | None = None  # signed off
-    has_reviews: bool | None = None
-    since_us: int | None = None
-    until_us: int | None = None
+    findings: tuple[Finding, ...]
+    score: Score
 
 
-_SESSION_NAMES = [each.name for each in fields(Session) if each.name != "clinic"]
-_SESSIONS: Select[Any] = select(
-    *(sessions.c[name] for name in _SESSION_NAMES), clinics.c.slug.label("clinic")
-).join_from(sessions, clinics)
+_SESSIONS: Select[Any] = (
+    select(
+        *(sessions.c[each.name] for each in fields(Session) if each.name in sessions.c),
+        clinics.c.slug.label("clinic"),
+        reports.c.grade.label("machine_grade"),
+        reports.c.points.label("machine_points"),
+    )
+    .join_from(sessions, clinics)
+    .outerjoin(reports, reports.c.id == sessions.c.report_id)
+)
 
 
 # Built once: these run with every upload.
@@ -118,7 +111,7 @@ _CHANGE = update(sessions).where(sessions.c.id == bindparam("of_session"))
 
 
 def sessions_where(*conditions: Any) -> Select[Any]:  # SQLAlchemy's conditions have no one type
-    """The statement that selects sessions, for the modules beside this one."""
+    """The statement that selects sessions (joined with their newest report), for the modules beside this one."""
     return _SESSIONS.where(*conditions)
 
 
@@ -182,92 +175,8 @@ def find(connection: Connection, clinic_ids: Sequence[str], session_id: str, *, 
     return Session(**row)
 
 
-def _conditions(clinic_ids: Sequence[str], given: Filter) -> list[Any]:
-    own = sessions.c.clinic_id == clinic_ids[0] if len(clinic_ids) == 1 else sessions.c.clinic_id.in_(clinic_ids)
-    conditions: list[Any] = [own]
-    for column, value in (
-        (sessions.c.patient_ref, given.patient_ref),
-        (sessions.c.device, given.device),
-        (sessions.c.grade, given.grade),
-        (sessions.c.state, given.state),
-    ):
-        if value is not None:
-            conditions.append(column == value)
-    if given.rule is not None or given.verdict is not None:
-        wanted = [findings.c.session_id == sessions.c.id]
-        if given.rule is not None:
-            wanted.append(findings.c.rule == given.rule)
-        if given.verdict is not None:
-            wanted.append(findings.c.verdict == given.verdict)
-        conditions.append(exists().where(*wanted))
-    if given.reviewed is not None:
-        conditions.append(
-            sessions.c.signed_off_us.is_not(None) if given.reviewed else sessions.c.signed_off_us.is_(None)
-        )
-    if given.has_reviews is not None:
-        conditions.append((sessions.c.n_reviews > 0) == given.has_reviews)
-    if given.since_us is not None:
-        conditions.append(sessions.c.happened_at_us >= given.since_us)
-    if given.until_us is not None:
-        conditions.append(sessions.c.happened_at_us < given.until_us)
-    return conditions
-
-
-_KEYS = {
-    Order.NEWEST: (sessions.c.happened_at_us, sessions.c.id),
-    Order.OLDEST: (sessions.c.happened_at_us, sessions.c.id),
-    Order.LAST_UPLOADED: (sessions.c.uploaded_at_us, sessions.c.id),
-    Order.FIRST_UPLOADED: (sessions.c.uploaded_at_us, sessions.c.id),
-    Order.WORST: (sessions.c.merit, sessions.c.happened_at_us, sessions.c.id),
-}
-
-
-def page(
-    connection: Connection,
-    clinic_ids: Sequence[str],
-    given: Filter,
-    order: Order,
-    after: Sequence[int | str] | None,
-    limit: int,
-) -> list[Session]:
-    """Up to `limit` sessions in the order asked for, behind the position `after` (see `position`)."""
-    key = _KEYS[order]
-    is_falling = order.startswith("-")
-    statement = _SESSIONS.where(*_conditions(clinic_ids, given))
-    if after is not None:
-        statement = statement.where(tuple_(*key) < tuple(after) if is_falling else tuple_(*key) > tuple(after))
-    statement = statement.order_by(*(column.desc() if is_falling else column.asc() for column in key)).limit(limit)
-    return [Session(**row) for row in connection.execute(statement).mappings()]
-
-
-def position(session: Session, order: Order) -> tuple[int | str, ...]:
-    """Where a session stands in an order: what a cursor holds."""
-    return tuple(getattr(session, column.name) for column in _KEYS[order])
-
-
-def stream(connection: Connection, clinic_ids: Sequence[str], given: Filter) -> Iterator[tuple[Session, bytes | None]]:
-    """All sessions with their newest report, oldest first."""
-    statement = (
-        _SESSIONS.add_columns(reports.c.body)
-        .outerjoin(reports, reports.c.id == sessions.c.report_id)
-        .where(*_conditions(clinic_ids, given))
-        .order_by(sessions.c.happened_at_us, sessions.c.id)
-    )
-    for row in streamed(connection, statement):
-        values = dict(row)
-        body = values.pop("body")
-        yield Session(**values), body
-
-
-def every(connection: Connection, clinic_ids: Sequence[str], given: Filter) -> Iterator[Session]:
-    """All sessions, oldest first."""
-    statement = _SESSIONS.where(*_conditions(clinic_ids, given))
-    for row in streamed(connection, statement.order_by(sessions.c.happened_at_us, sessions.c.id)):
-        yield Session(**row)
-
-
 def mistakes_of(connection: Connection, session_ids: Sequence[str]) -> dict[str, list[str]]:
-    """The failed rules of each session's newest report."""
+    """The mistakes of each session, after review."""
     statement = select(findings.c.session_id, findings.c.rule).where(
         findings.c.session_id.in_(session_ids), findings.c.verdict == "fail"
     )
@@ -278,7 +187,7 @@ def mistakes_of(connection: Connection, session_ids: Sequence[str]) -> dict[str,
 
 
 def verdicts_of(connection: Connection, session_ids: Sequence[str]) -> dict[str, dict[str, str]]:
-    """Rule to verdict of each session's newest report."""
+    """Rule to verdict of each session, after review."""
     found: dict[str, dict[str, str]] = {session_id: {} for session_id in session_ids}
     statement = select(findings.c.session_id, findings.c.rule, findings.c.verdict)
     for row in connection.execute(statement.where(findings.c.session_id.in_(session_ids)).order_by(findings.c.rule)):
@@ -298,14 +207,19 @@ def keep_report(
     connection: Connection,
     session: Session,
     body: bytes,
+    outcome: Outcome,
     *,
     device: str,
     session_ref: str | None,
     patient_ref: str | None,
     recorded_at_us: int | None,
 ) -> tuple[Session, StoredReport]:
-    """Keep a report as the session's newest; one equal to the newest is not kept twice. Returns both as they stand."""
+    """Keep a report as the session's newest, with what holds after review; one equal to the newest is not kept twice.
+
+    Another report than the one that was signed off opens the session again. Returns both as they stand.
+    """
     told = orjson.loads(body)
+    signed_off_us = session.signed_off_us
     newest = None if session.report_id is None else report(connection, session.id)
     if newest is not None and newest.body == body:
         kept = newest
@@ -323,20 +237,7 @@ def keep_report(
             body=body,
         )
         connection.execute(_KEEP, {each.name: getattr(kept, each.name) for each in fields(kept)})
-        if newest is not None:
-            connection.execute(delete(findings).where(findings.c.session_id == session.id))
-        rows = [
-            {
-                "session_id": session.id,
-                "rule": finding["rule"],
-                "verdict": finding["verdict"],
-                "severity": finding["severity"],
-                "clinic_id": session.clinic_id,
-            }
-            for finding in told["findings"]
-        ]
-        if rows:
-            connection.execute(_KEEP_FINDINGS, rows)
+        signed_off_us = None
     recorded = session.recorded_at_us if recorded_at_us is None else recorded_at_us
     changes: dict[str, Any] = {
         "state": str(State.SCORED),
@@ -350,12 +251,39 @@ def keep_report(
         "recorded_at_us": recorded,
         "happened_at_us": session.uploaded_at_us if recorded is None else recorded,
         "duration_s": told["duration_s"],
-        "grade": kept.grade,
-        "merit": _MERIT.get(kept.grade, _UNKNOWN_MERIT),
-        "points": kept.points,
+        "signed_off_us": signed_off_us,
+        **_keep_findings(connection, session, outcome, are_first=newest is None),
     }
     connection.execute(_CHANGE, {"of_session": session.id, **changes})
-    return replace(session, **changes), kept
+    return replace(session, **changes, machine_grade=kept.grade, machine_points=kept.points), kept
+
+
+def settle(connection: Connection, session: Session, outcome: Outcome, *, signed_off_us: int | None) -> None:
+    """Keep what holds of a session after an entry of its review."""
+    changes = {"signed_off_us": signed_off_us, **_keep_findings(connection, session, outcome)}
+    connection.execute(_CHANGE, {"of_session": session.id, **changes})
+
+
+def _keep_findings(
+    connection: Connection, session: Session, outcome: Outcome, *, are_first: bool = False
+) -> dict[str, Any]:
+    """Keep the findings that hold; returns the session's columns that tell what they are worth."""
+    if not are_first:
+        connection.execute(delete(findings).where(findings.c.session_id == session.id))
+    rows = [
+        {
+            "session_id": session.id,
+            "rule": finding.rule,
+            "verdict": str(finding.verdict),
+            "severity": None if finding.severity is None else str(finding.severity),
+            "clinic_id": session.clinic_id,
+        }
+        for finding in outcome.findings
+    ]
+    if rows:
+        connection.execute(_KEEP_FINDINGS, rows)
+    grade, points = str(outcome.score.grade), outcome.score.points
+    return {"grade": grade, "merit": _MERIT.get(grade, _UNKNOWN_MERIT), "points": points}
 
 
 def note_failure(

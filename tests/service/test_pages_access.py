@@ -133,3 +133,35 @@ def test_pharmacist_of_two_clinics_reviews_them_together_or_apart(clinic, other_
     token = client.get("/v1/me").json()["csrf_token"]
     taken = client.post("/queue/next", params={"clinic": other_clinic.slug}, headers={"x-csrf-token": token})
     assert taken.headers["hx-redirect"] == f"/sessions/{other}"
+
+
+def test_patients_of_two_clinics_are_never_taken_for_one(clinic, other_clinic, upload, log_in):
+    """A pseudonym belongs to its clinic: P-1 of the one and P-1 of the other are different people."""
+    one, other = upload(clinic, seed=1, patient_ref="P-1")["id"], upload(other_clinic, seed=2, patient_ref="P-1")["id"]
+    client = log_in(clinic, Role.PHARMACIST, other_clinic)
+    told = client.get("/v1/patients/P-1/progress")
+    assert told.status_code == 409
+    assert sorted(told.json()["clinics"]) == sorted([clinic.slug, other_clinic.slug])
+    page = client.get("/patients/P-1")
+    assert page.status_code == 409
+    for each, session in ((clinic, one), (other_clinic, other)):
+        assert f'"/patients/P-1?clinic={each.slug}"' in page.text
+        told = client.get("/v1/patients/P-1/progress", params={"clinic": each.slug}).json()
+        assert [point["session"] for point in told["sessions"]] == [session]
+        assert told["clinic"] == each.slug
+        shown = client.get("/patients/P-1", params={"clinic": each.slug}).text
+        assert session in shown
+        assert ({one, other} - {session}).pop() not in shown
+        listed = client.get("/sessions", params={"clinic": each.slug}).text
+        assert f'href="/patients/P-1?clinic={each.slug}"' in listed
+        assert ({one, other} - {session}).pop() not in listed
+    own = clinic.client("clinician").get("/v1/patients/P-1/progress").json()
+    assert [point["session"] for point in own["sessions"]] == [one], "who has one clinic need not name it"
+
+
+def test_who_has_several_clinics_sees_which_one_a_session_is_of(clinic, other_clinic, upload, log_in):
+    upload(clinic, seed=1)
+    one, two = log_in(clinic, Role.CLINICIAN), log_in(clinic, Role.PHARMACIST, other_clinic)
+    for path in ("/queue", "/sessions"):
+        assert f">{clinic.slug}</td>" in two.get(path).text
+        assert f">{clinic.slug}</td>" not in one.get(path).text

@@ -147,16 +147,11 @@ def entry(kind, rule=None, verdict=None, reviewer="a", number=[0], undoes=None):
 MACHINE = {"no_press": "pass", "press_late": "fail", "lip_seal": "not_assessable"}
 
 
-def test_the_last_word_of_a_reviewer_stands_until_it_is_taken_back():
-    override = entry(ReviewKind.OVERRIDE, "press_late", "pass")
-    assert verdicts.effective(MACHINE, [override])["press_late"] == "pass"
-    assert verdicts.effective(MACHINE, [override, entry(ReviewKind.UNDO, undoes=override.id)]) == MACHINE
-
-
 def test_a_sign_off_confirms_what_was_decided_and_not_contradicted():
     said = verdicts.by_reviewer(
         MACHINE,
         [entry(ReviewKind.OVERRIDE, "press_late", "pass"), entry(ReviewKind.SIGN_OFF), entry("comment", reviewer="b")],
+        None,
     )
     assert said == {"a": {"no_press": "pass", "press_late": "pass"}}
 
