@@ -227,6 +227,8 @@ class ShakeSettings:
         check_fields(self)
 
     stroke_m_s2: float = 0.6 * 9.80665
+    sd_stroke_m_s2: float = 0.12 * 9.80665  # of a half wave's height: where the sensor sits, peaks between samples
+    min_sd_strokes: float = 0.1  # of a bout's count, however clear its strokes
     min_strokes: int = 4  # fewer are bumps
     min_stroke_s: float = 0.04  # a hand shakes below 10 Hz; a half wave lasts longer than this
     max_pause_s: float = 0.6  # between two strokes of one bout
@@ -360,7 +362,6 @@ class MeasureSettings:
     sd_breath_unseen_s: float = 0.2  # where only the next movement ends it
     max_removal_s: float = 1.4  # of the device from the mouth, in one movement
     sd_shake_s: float = 0.06
-    sd_shake_cycles: float = 0.2  # strokes that hardly reach 0.6 g, at either end
     sd_inverted_s: float = 0.015
     sd_cover_stop_s: float = 0.02
     sd_press_angle_deg: float = 0.3

@@ -263,6 +263,7 @@ class Shake:
 
     stroke_start_s: FloatArray  # (k,)
     stroke_end_s: FloatArray  # (k,)
+    sd_strokes: float  # of their number: half waves near 0.6 g may or may not be strokes
 
     @property
     def start_s(self) -> float:

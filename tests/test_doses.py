@@ -17,7 +17,7 @@ PMDI, ELLIPTA, HINGE = (load_device(name) for name in ("pmdi", "ellipta", "hinge
 
 def shake(start_s: float) -> Shake:
     strokes = start_s + 0.2 * np.arange(8)
-    return Shake(strokes, strokes + 0.2)
+    return Shake(strokes, strokes + 0.2, 0.4)
 
 
 def opening(start_s: float) -> Event:

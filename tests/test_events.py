@@ -70,7 +70,7 @@ def test_trembling_of_the_angle_while_shaking_is_no_press():
     motion = still(10.0)
     tremble = np.where(np.abs(motion.time_s - 3.5) < 1.5, rad(3.0) * np.sin(2 * np.pi * 4 * motion.time_s), 0)
     strokes = np.arange(2.0, 5.0, 0.125)
-    shake = Shake(strokes, strokes + 0.125)
+    shake = Shake(strokes, strokes + 0.125, 0.4)
     assert find_events(with_lever(motion, tremble), (shake,), PMDI) == ()
 
 

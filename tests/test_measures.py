@@ -17,7 +17,7 @@ from inhalemon.values import DeviceKind, Event, EventKind, Motion, Phase, PhaseK
 PMDI, ELLIPTA = load_device("pmdi"), load_device("ellipta")
 SPAN = (0.0, 30.0)
 STROKES_S = 3.0 + 0.125 * np.arange(24)
-SHAKE = Shake(STROKES_S, STROKES_S + 0.125)  # 3 to 6 s, 12 cycles
+SHAKE = Shake(STROKES_S, STROKES_S + 0.125, 0.4)  # 3 to 6 s, 12 cycles
 PHASES = (
     Phase(PhaseKind.REST, 0.0, 3.0),
     Phase(PhaseKind.SHAKE, 3.0, 6.0),

@@ -78,3 +78,11 @@ def test_simulated_shaking_lasts_as_long_as_it_was_acted(seed, profile):
     report, truth = scored("pmdi", seed=seed, profile=profile)
     assert report.measures["shake_duration_s"].value == pytest.approx(truth.measures["shake_duration_s"], abs=0.3)
     assert report.measures["shake_cycles"].value == pytest.approx(truth.measures["shake_cycles"], abs=1.0)
+
+
+def test_the_count_of_clear_strokes_is_surer_than_of_those_that_hardly_reach_the_limit():
+    """Strokes of 2 g are counted to a tenth; of 16 at 0.6 g, each is one or not: sqrt(16 / 4)."""
+    (clear,) = find_shakes(shaken((2.0, 8)))
+    (marginal,) = find_shakes(shaken((2.0, 8), peak_g=0.63))
+    assert clear.sd_strokes == pytest.approx(0.1, abs=0.02)
+    assert marginal.sd_strokes == pytest.approx(2.0, abs=0.3)

@@ -252,16 +252,22 @@ def _shake(dose: _Dose) -> dict[str, Measure]:
             "shake_to_press_s": Measure(None, reason="not_shaken"),
         }
     start_s, end_s = before[0].start_s, before[-1].end_s
-    strokes = sum(shake.stroke_end_s.size for shake in before)
     to_press = Measure(None, reason="no_press")
     if press:
         sd = math.hypot(s.sd_shake_s, s.sd_press_s)
         to_press = Measure(press.start_s - end_s, sd, None, end_s, press.start_s)
     return {
         "shake_duration_s": Measure(end_s - start_s, math.sqrt(2.0) * s.sd_shake_s, None, start_s, end_s),
-        "shake_cycles": Measure(strokes / 2.0, s.sd_shake_cycles, None, start_s, end_s),
+        "shake_cycles": _cycles(before, start_s, end_s),
         "shake_to_press_s": to_press,
     }
+
+
+def _cycles(shakes: Sequence[Shake], start_s: float, end_s: float) -> Measure:
+    """Up-and-downs of some bouts: half as many as strokes."""
+    n_strokes = sum(shake.stroke_end_s.size for shake in shakes)
+    sd_strokes = math.hypot(*(shake.sd_strokes for shake in shakes))
+    return Measure(n_strokes / 2.0, sd_strokes / 2.0, None, start_s, end_s)
 
 
 def _press(dose: _Dose) -> dict[str, Measure]:
@@ -349,8 +355,7 @@ def _cover(dose: _Dose, device: Device) -> dict[str, Measure]:
     tilt = motion.tilt_rad[between]
     shaken = [shake for shake in dose.shakes if opened_s <= shake.start_s < inhaled_s]
     where = (opened_s, inhaled_s)
-    cycles = sum(shake.stroke_end_s.size for shake in shaken) / 2.0
-    measures["shake_after_open_cycles"] = Measure(cycles, s.sd_shake_cycles if cycles else 0.0, None, *where)
+    measures["shake_after_open_cycles"] = _cycles(shaken, *where)
     measures["tilt_after_open_max_deg"] = Measure(
         math.degrees(float(tilt.max())), _sd_tilt_deg(dose, opened_s), None, *where
     )

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import itertools
+import math
 
 import numpy as np
 
 from inhalemon.settings import ShakeSettings
 from inhalemon.signals import close_gaps, moving_mean, runs, squares
 from inhalemon.values import FloatArray, Motion, Shake
-
 
 def find_shakes(motion: Motion, settings: ShakeSettings | None = None) -> tuple[Shake, ...]:
     """The bouts of alternating strokes, in order of time.
@@ -47,8 +47,21 @@ def _bouts(time_s: FloatArray, swing: FloatArray, settings: ShakeSettings) -> li
             bouts.append(strokes)
         if not strokes or strokes[-1][2] != stroke[2]:  # strokes alternate
             strokes.append(stroke)
-    return [
-        Shake(np.array([s[0] for s in bout]), np.array([s[1] for s in bout]))
-        for bout in bouts
-        if len(bout) >= settings.min_strokes
-    ]
+    found = []
+    for bout in bouts:
+        if len(bout) >= settings.min_strokes:
+            # What is no further off than a pause would belong to the bout if it were a stroke.
+            first_s, last_s = bout[0][0] - settings.max_pause_s, bout[-1][1] + settings.max_pause_s
+            sd_strokes = _sd_strokes(height[(end_s > first_s) & (start_s < last_s)], settings)
+            found.append(Shake(np.array([s[0] for s in bout]), np.array([s[1] for s in bout]), sd_strokes))
+    return found
+
+
+def _sd_strokes(height: FloatArray, settings: ShakeSettings) -> float:
+    """Deviation of the number of half waves that truly reach the limit, from heights known to `sd_stroke_m_s2`.
+
+    Each is a stroke with the probability p of a logistic distribution of that deviation, and adds p (1 - p).
+    """
+    scale = settings.sd_stroke_m_s2 * math.sqrt(3.0) / math.pi
+    odds = np.exp(-np.abs(height - settings.stroke_m_s2) / scale)
+    return math.hypot(math.sqrt(float((odds / (1.0 + odds) ** 2).sum())), settings.min_sd_strokes)
