@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from inhalemon import _heading_kernel as kernel
 from inhalemon.rotation import as_matrix
 from inhalemon.settings import LeverSettings
-from inhalemon.signals import memory
+from inhalemon.signals import lengths, memory
 from inhalemon.values import AttitudeTrack, FloatArray, IntArray
 
 _SAMPLES_PER_BLOCK = 5  # enough to follow a hand within 0.2 s; more only cost time
@@ -43,13 +43,12 @@ class Blocks:
     def of(cls, body: AttitudeTrack, lever: AttitudeTrack, block_s: float) -> Self:
         """Blocks of `block_s` of two attitudes at the same times; a block without a sample is left out."""
         time_s = body.time_s
-        number = np.floor((time_s - time_s[0]) / block_s).astype(np.int64)
+        since = (time_s - time_s[0]) / block_s
+        number, part = np.floor(since).astype(np.int64), np.floor(since * _SAMPLES_PER_BLOCK).astype(np.int64)
         first = np.append(0, np.flatnonzero(number[1:] != number[:-1]) + 1)
-        rate_hz = time_s.size / (time_s[-1] - time_s[0])
-        stride = max(1, int(rate_hz * block_s / _SAMPLES_PER_BLOCK))
         # The first sample of every block is always taken, so that no block is empty.
-        is_taken = np.zeros(time_s.size, dtype=np.bool_)
-        is_taken[::stride] = is_taken[first] = True
+        is_taken = np.append(True, part[1:] != part[:-1])
+        is_taken[first] = True
         taken = np.flatnonzero(is_taken)
         rows_body = as_matrix(body.q[taken])
         rows_lever = as_matrix(lever.q[taken])
@@ -71,6 +70,12 @@ class Blocks:
     def __getitem__(self, part: slice) -> Blocks:
         names = ("time_s", "level", "upright", "rise_body", "rise_lever", "first")
         return replace(self, **{name: getattr(self, name)[part] for name in names})
+
+    def is_still(self, max_turn_rad: float) -> NDArray[np.bool_]:
+        """Where neither part leans otherwise than in the block before, to within an angle (m,)."""
+        rises = (self.rise_body, self.rise_lever)
+        turned = [lengths(np.diff(rise, axis=0, prepend=rise[:1])) for rise in rises]
+        return np.maximum(*turned) < max_turn_rad
 
     def misfit(self, axes: Axes) -> FloatArray:
         """How much higher the hinge points by the body's attitude than by the lever's (m,)."""
@@ -109,7 +114,8 @@ class _Seen:
         """With the scatter over a window before each block or, when `centred`, before and after.
 
         What heading cannot mend, the difference in elevation, shows how well the two agree just now: a loose hinge and
-        a shaken sensor agree badly. Its mean square is the variance, with `sd_hinge_s` worth of `sd_hinge_rad`.
+        a shaken sensor agree badly. Its mean square is the variance, with `sd_hinge_s` worth of what is usual: the mean
+        square of all blocks (or those so far), with as much worth of `sd_hinge_rad`.
         """
         agreement = blocks.level.reshape(-1, 9) @ np.outer(axes.body, axes.lever).ravel()
         shown = np.abs(agreement)
@@ -120,9 +126,11 @@ class _Seen:
         sums = np.zeros((2, len(blocks) + 1))
         np.cumsum(blocks.misfit(axes) ** 2, out=sums[0, 1:])
         np.cumsum(shown, out=sums[1, 1:])
-        misfit, weight = sums[:, end] - sums[:, begin]
         prior = settings.sd_hinge_s / blocks.block_s
-        return cls(agreement, shown, (misfit + prior * settings.sd_hinge_rad**2) / (weight + prior))
+        misfit, weight = sums[:, -1:] if centred else sums[:, 1:]
+        usual = (misfit + prior * settings.sd_hinge_rad**2) / (weight + prior)
+        misfit, weight = sums[:, end] - sums[:, begin]
+        return cls(agreement, shown, (misfit + prior * usual) / (weight + prior))
 
 
 def heading_difference(
@@ -148,7 +156,9 @@ def _filtered_heading(
 ) -> Heading:
     start = blocks.level[0].trace() if is_shut_first else seen.agreement[0]
     sd_start_rad = settings.sd_shut_first_rad if is_shut_first else math.pi
-    alike = max(1.0, settings.scatter_memory_s / blocks.block_s)  # neighbours err alike
+    # Neighbours err alike, and for longer while nothing moves.
+    alike_s = np.where(blocks.is_still(settings.still_pose_rad), settings.axis_memory_s, settings.scatter_memory_s)
+    alike = np.maximum(1.0, alike_s / blocks.block_s)
     step_s = np.zeros(len(blocks))
     np.subtract(blocks.time_s[1:], blocks.time_s[:-1], out=step_s[1:])
     told, known = np.empty((2, len(blocks), 5))
@@ -216,7 +226,21 @@ def fit_axes(blocks: Blocks, axis: FloatArray, settings: LeverSettings, *, is_sh
         between = np.concatenate([np.eye(2), -cross / total], axis=1)
         sd_rad = math.sqrt(max(np.trace(between @ variance[:4, :4] @ between.T), 0.0) / 2.0)
         axes = Axes(_unit(axes.body + body @ step[:2]), _unit(axes.lever + lever @ step[2:4]), sd_rad)
-    return axes
+    moved = max(float(np.linalg.norm(found - axis)) for found in (axes.body, axes.lever))
+    # A hinge that hardly leans shows neither heading nor axes, and a wrong heading drags the axes far away.
+    return axes if moved < settings.max_axis_sds * settings.sd_axis_rad else Axes(axis, axis, settings.sd_axis_rad)
+
+
+def tilt_shown(blocks: Blocks, axes: Axes, settings: LeverSettings) -> tuple[float, float]:
+    """What the hinge shows of the two tilts against each other: its variance in rad^2, and the share still unseen.
+
+    Tilts err about the hinge as they do across it, and across it they show: by the heights at which the two attitudes
+    see the hinge, and by how well the axes are known in spite of it. What the attitudes claim counts as one pose.
+    """
+    n_pose = settings.scatter_memory_s / settings.block_s
+    n_shown = float(np.abs(blocks.level.reshape(-1, 9) @ np.outer(axes.body, axes.lever).ravel()).sum())
+    misfit = float((blocks.misfit(axes) ** 2).sum())
+    return misfit / (n_shown + n_pose) + axes.sd_rad**2, n_pose / (n_shown + n_pose)
 
 
 def _unit(v: FloatArray) -> FloatArray:

@@ -75,13 +75,15 @@ def estimate_tracks(recording: Recording, settings: Settings | None = None, *, d
         recording = correct_sensors(as_recorded, axis, settings.sensors)
     # A delay that both sensors share only shifts the clock: angles and phases stay on the samples' own time. An
     # offset that tilts a part the same way all along is in the shut angle too: the angle doubts only what changes.
-    attitude = replace(settings.attitude, gyr_delay_s=0.0, sd_acc_bias_m_s2=settings.lever.sd_acc_change_m_s2)
+    attitude = replace(
+        settings.attitude, gyr_delay_s=0.0, sd_delay_s=0.0, sd_acc_bias_m_s2=settings.lever.sd_acc_change_m_s2
+    )
     body = estimate_attitude(recording.body, attitude)
     lever = resample_attitude(estimate_attitude(recording.lever, attitude), body.time_s)
     calibration = calibrate(
         body, lever, axis, settings.lever, has_shut_state=has_shut_state, are_corrected=are_corrected
     )
-    angle = lever_angle(body, lever, calibration)
+    angle = lever_angle(body, lever, calibration, sd_delay_s=settings.attitude.sd_delay_s)
     body, lever = (_with_offset(part, settings.attitude.sd_acc_bias_m_s2) for part in (body, lever))
     quality = assess_quality(
         as_recorded, clock, settings.quality, calibration=calibration, lever=angle, hinge_axis=axis

@@ -181,7 +181,8 @@ class LeverSettings:
     sd_hinge_rad: float = math.radians(0.5)  # of the hinge's direction between the attitudes, until the data tell
     sd_hinge_s: float = 0.6  # how much data that is worth
     scatter_window_s: float = 3.0  # the data that tell
-    scatter_memory_s: float = 0.6  # such errors last: measured on real hinges, 0.3-0.6 s
+    scatter_memory_s: float = 0.9  # such errors last: measured on real hinges in motion, 0.4-1.3 s
+    still_pose_rad: float = math.radians(1.0)  # from block to block; such a pose's errors last for `axis_memory_s`
     sd_shut_first_rad: float = math.radians(30.0)  # of a device that is usually shut at first
     sd_heading_rate_rad_s: float = math.radians(0.5)  # what is left of the gyros' bias at the start
     heading_walk_rad_s: float = math.radians(0.014)  # per root of a second: two gyros, each as in its attitude
@@ -192,6 +193,7 @@ class LeverSettings:
     )
     # The hinge axes.
     sd_axis_rad: float = math.radians(3.0)  # how well the profile's axis is known before
+    max_axis_sds: float = 3.0  # axes further from the profile's are not believed
     axis_memory_s: float = 4.0  # what biased accelerometers make of one pose lasts as long as the pose
     n_axis_fits: int = 3
     first_fit_blocks: int = 5  # while recording: the first fit, ...

@@ -212,6 +212,8 @@ class Calibration:
     sd_shut_rad: FloatArray  # (n,) of its turn about the hinge
     heading_rad: FloatArray  # (n,) turns the lever's room into the body's, about z
     sd_heading_rad: FloatArray  # (n,)
+    tilt_shown_rad2: FloatArray  # (n,) variance of one tilt against the other, as far as the hinge has shown it, ...
+    tilt_unseen: FloatArray  # (n,) ... and the share of what the attitudes claim that still counts
     sd_alike_rad: float | None = None  # of one tilt against the other while shut; None: the two err by themselves
 
 

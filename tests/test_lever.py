@@ -108,6 +108,38 @@ def test_angle_survives_turning_the_whole_inhaler(room: FloatArray) -> None:
     assert np.median(np.degrees(error)) < 0.5
 
 
+def swaying(time_s: FloatArray, sway_deg: float, seed: int) -> tuple[AttitudeTrack, AttitudeTrack, FloatArray]:
+    """A free hinge that stands upright but for some sway, tilts 0.3 deg wrong for a second each, at rest for 2 s."""
+    rng = np.random.default_rng(seed)
+
+    def wander(sd_deg: float, every_s: float) -> FloatArray:
+        knots_s = np.arange(-every_s, time_s[-1] + 2 * every_s, every_s)
+        return np.interp(time_s, knots_s, np.radians(sd_deg) * rng.normal(size=knots_s.size))
+
+    moves = np.clip(time_s - 2.0, 0.0, 1.0)
+    upright = from_rotation_vector(np.array([0.0, -np.pi / 2, 0.0]))
+    lean = np.stack([moves * wander(sway_deg, 0.7), moves * wander(sway_deg, 0.7), moves * wander(40.0, 1.0)], axis=1)
+    angle_rad = moves * wander(30.0, 0.6)
+    q_body = multiply(from_rotation_vector(lean), upright)
+    q_lever = multiply(q_body, from_rotation_vector(np.outer(angle_rad, X)))
+    off = [from_rotation_vector(np.stack([wander(0.3, 1.0) for _ in range(3)], axis=1)) for _ in range(2)]
+    body = attitude_track(time_s, multiply(q_body, off[0]))
+    return body, attitude_track(time_s, multiply(about_z(2.0), multiply(q_lever, off[1]))), angle_rad
+
+
+@pytest.mark.parametrize("lever_settings", [FINISHED, UNDER_WAY], ids=["finished", "under way"])
+@pytest.mark.parametrize("sway_deg", [6.0, 20.0])
+def test_sd_of_an_upright_hinge_agrees_with_the_error(sway_deg: float, lever_settings: LeverSettings) -> None:
+    """An upright hinge hardly shows the heading, and must say so: 1, give or take a half, from the first lean on."""
+    ratios = []
+    for seed in range(8):
+        body, lever, angle_rad = swaying(TIME_S, sway_deg, seed)
+        track = tracked(body, lever, lever_settings, has_shut_state=False)
+        error = np.angle(np.exp(1j * (track.angle_rad - angle_rad)))
+        ratios.append(np.mean((error / track.sd_rad)[400:] ** 2))
+    assert 0.5 < np.sqrt(np.mean(ratios)) < 1.5
+
+
 def test_shut_lever_reads_zero_within_one_degree_when_mounted_askew() -> None:
     mounting = from_rotation_vector(np.radians([6.0, -5.0, 4.0]))
     angle_rad = cover(TIME_S, 95.0)

@@ -62,7 +62,9 @@ def test_times_between_steps_are_their_differences():
 
 
 def test_shaking_lasts_from_the_first_to_the_last_stroke_whatever_lies_between():
-    first, again = (Shake(start_s + STROKES_S[:4] - 3.0, start_s + STROKES_S[:4] - 2.875) for start_s in (3.0, 8.0))
+    first, again = (
+        Shake(start_s + STROKES_S[:4] - 3.0, start_s + STROKES_S[:4] - 2.875, 0.4) for start_s in (3.0, 8.0)
+    )
     m = measured(shakes=(first, again))
     assert m["shake_duration_s"].value == pytest.approx(again.end_s - first.start_s)
     assert m["shake_duration_s"].value == pytest.approx(5.5)
@@ -216,7 +218,7 @@ def test_opening_again_before_inhaling_is_in_order():
 
 @pytest.mark.parametrize(("stroke_s", "count"), [(3.0, 0.0), (9.5, 1.0)])
 def test_shaking_at_the_mouth_is_out_of_order(stroke_s, count):
-    shake = Shake(STROKES_S[:4] - 3.0 + stroke_s, STROKES_S[:4] - 2.875 + stroke_s)
+    shake = Shake(STROKES_S[:4] - 3.0 + stroke_s, STROKES_S[:4] - 2.875 + stroke_s, 0.4)
     assert measured(shakes=(shake,))["order_violations"].value == count
 
 
@@ -224,7 +226,8 @@ def test_the_order_is_that_of_the_devices_profile():
     """Shaking after the press where the profile says so; and no order where it says none."""
     late = replace(PMDI, steps=(PhaseKind.TO_MOUTH, PhaseKind.INHALE, PhaseKind.SHAKE))
     assert measured(device=late)["order_violations"].value == 1.0
-    assert measured(device=late, shakes=(Shake(STROKES_S + 8.0, STROKES_S + 8.125),))["order_violations"].value == 0.0
+    shake = Shake(STROKES_S + 8.0, STROKES_S + 8.125, 0.4)
+    assert measured(device=late, shakes=(shake,))["order_violations"].value == 0.0
     early_press = (press(2.0), press(10.3))
     assert measured(events=early_press)["order_violations"].value == 1.0
     assert measured(events=early_press, device=replace(PMDI, steps=()))["order_violations"].value == 0.0

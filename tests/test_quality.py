@@ -146,7 +146,7 @@ def test_little_common_time_is_a_flag_and_hardly_any_is_unusable() -> None:
 def _calibration(axis: np.ndarray) -> Calibration:
     n = 2000
     q_shut = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
-    return Calibration(np.tile(axis, (n, 1)), q_shut, np.zeros(n), np.zeros(n), np.zeros(n))
+    return Calibration(np.tile(axis, (n, 1)), q_shut, *np.zeros((5, n)))
 
 
 @pytest.mark.parametrize(("away_deg", "codes"), [(5.0, set()), (20.0, {("hinge_axis_off", "body")})])

@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 
-from inhalemon.hinge import Blocks, fit_axes, heading_difference
+from inhalemon.hinge import Blocks, fit_axes, heading_difference, tilt_shown
 from inhalemon.rotation import (
     conjugate,
     from_rotation_vector,
@@ -55,6 +55,7 @@ def calibrate(
         q_shut, sd_shut_rad = from_two_vectors(axes.body, axes.lever), 0.0
         if has_shut_state:
             q_shut, sd_shut_rad = _shut(body, lever, blocks.first, heading.rad, axes.body, q_shut, settings)
+        shown_rad2, unseen = (0.0, 1.0) if has_shut_state else tilt_shown(blocks, axes, settings)
         return Calibration(
             axis_body=np.broadcast_to(axes.body, (n, 3)),
             q_shut=np.broadcast_to(q_shut, (n, 4)),
@@ -62,8 +63,10 @@ def calibrate(
             sd_alike_rad=settings.sd_alike_rad if are_corrected else None,
             heading_rad=np.interp(time_s, blocks.time_s, heading.rad),
             sd_heading_rad=np.interp(time_s, blocks.time_s, heading.sd_rad),
+            tilt_shown_rad2=np.broadcast_to(shown_rad2, n),
+            tilt_unseen=np.broadcast_to(unseen, n),
         )
-    result = Calibration(np.empty((n, 3)), np.empty((n, 4)), np.empty(n), np.empty(n), np.empty(n))
+    result = Calibration(np.empty((n, 3)), np.empty((n, 4)), *np.empty((5, n)))
     ends = np.append(blocks.first[1:], n)
     for begin, end in _growing(len(blocks), settings.first_fit_blocks, settings.fit_again):
         axes = fit_axes(blocks[:begin], axis, settings, is_shut_first=has_shut_state)
@@ -82,6 +85,9 @@ def calibrate(
         ahead = np.where(block > 0, time_s[part] - blocks.time_s[before], 0.0)
         result.heading_rad[part] = heading.rad[before] + heading.rate_rad_s[before] * ahead
         result.sd_heading_rad[part] = heading.sd_rad[before]
+        shown_rad2, unseen = (0.0, 1.0) if has_shut_state else tilt_shown(blocks[:begin], axes, settings)
+        result.tilt_shown_rad2[part] = shown_rad2
+        result.tilt_unseen[part] = unseen
     return result
 
 

@@ -11,6 +11,7 @@ from inhalemon.settings import ShakeSettings
 from inhalemon.signals import close_gaps, moving_mean, runs, squares
 from inhalemon.values import FloatArray, Motion, Shake
 
+
 def find_shakes(motion: Motion, settings: ShakeSettings | None = None) -> tuple[Shake, ...]:
     """The bouts of alternating strokes, in order of time.
 
