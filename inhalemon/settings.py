@@ -396,7 +396,7 @@ class Settings:
 
     @classmethod
     def causal(cls) -> Self:
-        """Settings that use the past only, as while recording."""
+        """Settings that use the past only, as while recording; the two clocks alone are compared over the whole."""
         return cls(
             sensors=SensorSettings(is_used=False),
             attitude=AttitudeSettings(smooth=False),
