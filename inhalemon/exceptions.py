@@ -6,6 +6,7 @@ They know nothing of exit codes or HTTP: the command line and the service each k
 from __future__ import annotations
 
 import functools
+from typing import Any
 
 
 class InhalemonError(Exception):
@@ -53,10 +54,16 @@ class RecordingError(InhalemonError):
             sentence += f". {self.detail}"
         return sentence
 
+    def in_file(self, file: str) -> RecordingError:
+        """The same, said of this file."""
+        return RecordingError(self.code, **self._fields() | {"file": file})
+
+    def _fields(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in ("file", "line", "column", "found", "wanted", "detail")}
+
     def __reduce__(self) -> tuple[object, ...]:
         # BaseException pickles its positional arguments alone; a worker process must hand all fields back.
-        fields = {name: getattr(self, name) for name in ("file", "line", "column", "found", "wanted", "detail")}
-        return (functools.partial(RecordingError, self.code, **fields), ())
+        return (functools.partial(RecordingError, self.code, **self._fields()), ())
 
 
 class SettingsError(InhalemonError):

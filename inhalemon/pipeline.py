@@ -12,7 +12,7 @@ from inhalemon.rules import RuleSet, load_rules
 from inhalemon.rules.scoring import score
 from inhalemon.settings import Settings
 from inhalemon.signals import resample_attitude
-from inhalemon.stages.attitude import GRAVITY_M_S2, estimate_attitude
+from inhalemon.stages.attitude import estimate_attitude
 from inhalemon.stages.calibrate import calibrate
 from inhalemon.stages.clocks import align_clocks
 from inhalemon.stages.doses import split_doses
@@ -27,6 +27,7 @@ from inhalemon.stages.sensors import correct_sensors
 from inhalemon.stages.shakes import find_shakes
 from inhalemon.stages.worst import worst_of
 from inhalemon.values import (
+    STANDARD_GRAVITY_M_S2,
     AttitudeTrack,
     Calibration,
     ClockFit,
@@ -93,7 +94,7 @@ def estimate_tracks(recording: Recording, settings: Settings | None = None, *, d
 
 def _with_offset(track: AttitudeTrack, sd_acc_bias_m_s2: float) -> AttitudeTrack:
     """The attitude with the accelerometer's offset in its standard deviation."""
-    return replace(track, sd_tilt_rad=np.sqrt(track.sd_tilt_rad**2 + (sd_acc_bias_m_s2 / GRAVITY_M_S2) ** 2))
+    return replace(track, sd_tilt_rad=np.sqrt(track.sd_tilt_rad**2 + (sd_acc_bias_m_s2 / STANDARD_GRAVITY_M_S2) ** 2))
 
 
 def track_lever(recording: Recording, settings: Settings | None = None, *, device: Device | None = None) -> LeverTrack:

@@ -19,6 +19,7 @@ from typing import Annotated, Any, Self
 
 from inhalemon.exceptions import SettingsError
 from inhalemon.ranges import Block, NotNegative, Range, Share, check_fields, field_types
+from inhalemon.values import STANDARD_GRAVITY_M_S2
 
 
 class AttitudeMethod(StrEnum):
@@ -228,8 +229,10 @@ class ShakeSettings:
     def __post_init__(self) -> None:
         check_fields(self)
 
-    stroke_m_s2: float = 0.6 * 9.80665
-    sd_stroke_m_s2: float = 0.12 * 9.80665  # of a half wave's height: where the sensor sits, peaks between samples
+    stroke_m_s2: float = 0.6 * STANDARD_GRAVITY_M_S2
+    sd_stroke_m_s2: float = (
+        0.12 * STANDARD_GRAVITY_M_S2
+    )  # of a half wave's height: where the sensor sits, peaks between samples
     min_sd_strokes: float = 0.1  # of a bout's count, however clear its strokes
     min_strokes: int = 4  # fewer are bumps
     min_stroke_s: float = 0.04  # a hand shakes below 10 Hz; a half wave lasts longer than this

@@ -6,20 +6,27 @@ Arrays have time as their first axis; frames and quaternions follow `rotation.py
 
 from __future__ import annotations
 
+import copy
 import functools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from types import MappingProxyType
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from inhalemon import limits
 from inhalemon.exceptions import RecordingError
+
+STANDARD_GRAVITY_M_S2: Final = 9.80665
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+Number = TypeVar("Number", bound=np.generic)
 
 
 class DeviceKind(StrEnum):
@@ -97,7 +104,8 @@ class ImuTrack:
     A range of `None` is unknown. The saturation masks are found on the chip's own axes by the reader; `None` means that
     nobody looked yet.
 
-    Raises `RecordingError` when shapes differ, a value is not finite, or time does not increase.
+    Raises `RecordingError` when shapes differ, a value is not finite, or time does not increase. A track may be short:
+    what a whole recording must be, `Recording` asks.
     """
 
     time_s: FloatArray  # (n,)
@@ -110,22 +118,26 @@ class ImuTrack:
     is_gyr_saturated: BoolArray | None = None  # (n,)
 
     def __post_init__(self) -> None:
-        time_s = np.ascontiguousarray(self.time_s, dtype=np.float64)
+        time_s: FloatArray = _as_array("time_s", self.time_s, np.float64)
         object.__setattr__(self, "time_s", time_s)
         if time_s.ndim != 1:
-            raise RecordingError("wrong_shape", column="time_s", found=f"shape {time_s.shape}", wanted="shape (n,)")
-        for name in ("acc_m_s2", "gyr_rad_s", "mag_ut"):
+            raise _wrong_shape("time_s", f"shape {time_s.shape}", "shape (n,)")
+        for name in ("acc_m_s2", "gyr_rad_s", "mag_ut", "is_acc_saturated", "is_gyr_saturated"):
             given = getattr(self, name)
-            if given is None and name == "mag_ut":
+            if given is None and name not in {"acc_m_s2", "gyr_rad_s"}:
                 continue
-            values = np.ascontiguousarray(given, dtype=np.float64)
-            if values.shape != (time_s.size, 3):
-                raise RecordingError(
-                    "wrong_shape", column=name, found=f"shape {values.shape}", wanted=f"shape ({time_s.size}, 3)"
-                )
+            is_mask = name.startswith("is_")
+            values: FloatArray | BoolArray = _as_array(name, given, np.bool_ if is_mask else np.float64)
+            wanted = (time_s.size,) if is_mask else (time_s.size, 3)
+            if values.shape != wanted:
+                raise _wrong_shape(name, f"shape {values.shape}", f"shape {wanted}")
             object.__setattr__(self, name, values)
             if not np.isfinite(values).all():
                 raise RecordingError("not_finite", column=name, found="not finite", wanted="finite numbers")
+        for name in ("acc_range_m_s2", "gyr_range_rad_s"):
+            given = getattr(self, name)
+            if given is not None and not 0.0 < given < math.inf:
+                raise RecordingError("out_of_range", column=name, found=f"{given!r}", wanted="a number above zero")
         if not np.isfinite(time_s).all() or (time_s[1:] <= time_s[:-1]).any():
             raise RecordingError(
                 "time_not_increasing", column="time_s", found="not increasing", wanted="strictly increasing seconds"
@@ -140,25 +152,49 @@ class ImuTrack:
         """The median step, so that gaps do not count."""
         return usual_step_s(self.time_s)
 
+    def check_length_and_rate(self, sensor: str) -> None:
+        """Raises `RecordingError` when these samples are no recording of a sensor: too few, too many, too slow."""
+        n = self.n_samples
+        length_s = float(self.time_s[-1] - self.time_s[0]) if n else 0.0
+        limits.check_length_and_rate(
+            sensor, n_samples=n, length_s=length_s, step_s=self.usual_step_s if n > 1 else math.inf
+        )
+
     @property
     def rate_hz(self) -> float:
         """The usual rate: one over the usual step."""
         return 1.0 / self.usual_step_s
 
 
+def _as_array(name: str, given: Any, kind: type[Number]) -> NDArray[Number]:
+    try:
+        return np.ascontiguousarray(given, dtype=kind)
+    except (TypeError, ValueError) as error:
+        raise _wrong_shape(name, "no array of numbers", "one number or three axes for every sample") from error
+
+
+def _wrong_shape(name: str, found: str, wanted: str) -> RecordingError:
+    return RecordingError("wrong_shape", column=name, found=found, wanted=wanted)
+
+
 @dataclass(frozen=True, slots=True)
 class SensorInfo:
-    """What the sidecar says of one sensor; `q_chip` (`q_body_chip`, `q_lever_chip`) was applied by the reader."""
+    """What the sidecar says of one sensor; `q_chip` (`q_body_chip`, `q_lever_chip`) was applied by the reader.
+
+    The ranges are the track's.
+    """
 
     model: str | None = None
-    acc_range_g: float | None = None
-    gyr_range_deg_s: float | None = None
     q_chip: tuple[float, float, float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """One recorded session of one device: the two sensors, each on its own clock."""
+    """One recorded session of one device: the two sensors, each on its own clock.
+
+    Raises `RecordingError` for what no recording may be, read or made: a sensor missing, under 2 s or over 1 h, a rate
+    outside 25 to 1000 Hz, a session id or pseudonym that is not one line of text.
+    """
 
     device: DeviceKind
     body: ImuTrack
@@ -174,6 +210,29 @@ class Recording:
         except ValueError:
             wanted = ", ".join(DeviceKind)
             raise RecordingError("unknown_device", column="device", found=repr(self.device), wanted=wanted) from None
+        for name in SensorName:
+            track = getattr(self, name)
+            if not isinstance(track, ImuTrack):
+                found = f"{type(track).__name__}"
+                raise RecordingError("sensor_missing", column=name, found=found, wanted="an ImuTrack of each sensor")
+            track.check_length_and_rate(name)
+        if not limits.is_plain_text(self.session_id):
+            raise _unfit("session_id", self.session_id, limits.TEXT_WANTED)
+        if self.patient_ref is not None and not limits.is_plain_text(self.patient_ref):
+            raise _unfit("patient_ref", self.patient_ref, limits.TEXT_WANTED)
+        if self.recorded_at is not None and not limits.is_instant(self.recorded_at):
+            raise _unfit("recorded_at", self.recorded_at, limits.INSTANT_WANTED)
+
+    def with_tracks(self, *, body: ImuTrack | None = None, lever: ImuTrack | None = None) -> Recording:
+        """The same session, its samples corrected or on another clock; the limits were the recorded samples' own."""
+        other = copy.copy(self)
+        object.__setattr__(other, "body", body or self.body)
+        object.__setattr__(other, "lever", lever or self.lever)
+        return other
+
+
+def _unfit(name: str, found: object, wanted: str) -> RecordingError:
+    return RecordingError("unfit_text", column=name, found=repr(found)[:60], wanted=wanted)
 
 
 # ---------------------------------------------------------------------------------------- signals of the stages

@@ -22,7 +22,7 @@ def _codes_in_source(pattern: str, *places: str) -> set[str]:
 
 
 def test_every_refusal_is_told() -> None:
-    raised = _codes_in_source(r'RecordingError\(\s*"(\w+)"', "values.py", "recording/*.py")
+    raised = _codes_in_source(r'(?:RecordingError\(|_internal\(source,|"code":)\s*"(\w+)"', "**/*.py")
     assert _codes_in_table("Why a recording is refused") == raised
 
 

@@ -15,9 +15,9 @@ from inhalemon.values import DeviceKind, ImuTrack, Recording, SensorInfo, Sensor
 FORMS = ("csv", "csv.gz", "csv.zst", "parquet")
 
 
-def _track(rng: np.random.Generator, *, n: int = 300, offset_s: float = 0.0) -> ImuTrack:
+def _track(rng: np.random.Generator, *, n: int = 300, offset_s: float = 0.0, **ranges: float) -> ImuTrack:
     time_s = np.round(offset_s + np.arange(n) / 100, 6)
-    return ImuTrack(time_s, np.round(rng.normal(0, 9, (n, 3)), 6), np.round(rng.normal(0, 3, (n, 3)), 6))
+    return ImuTrack(time_s, np.round(rng.normal(0, 9, (n, 3)), 6), np.round(rng.normal(0, 3, (n, 3)), 6), **ranges)
 
 
 @pytest.fixture
@@ -25,12 +25,12 @@ def recording() -> Recording:
     rng = np.random.default_rng(7)
     return Recording(
         device=DeviceKind.PMDI,
-        body=_track(rng),
+        body=_track(rng, acc_range_m_s2=16 * 9.80665, gyr_range_rad_s=np.radians(2000.0)),
         lever=_track(rng, n=290, offset_s=-0.0031),
         session_id="a session",
         recorded_at="2026-11-20T08:30:00+09:00",
         patient_ref="p-17",
-        sensors={SensorName.BODY: SensorInfo(model="LSM9DS1", acc_range_g=16.0, gyr_range_deg_s=2000.0)},
+        sensors={SensorName.BODY: SensorInfo(model="LSM9DS1")},
     )
 
 

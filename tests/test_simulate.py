@@ -20,8 +20,7 @@ from inhalemon.rotation import (
     to_rotation_vector,
 )
 from inhalemon.simulate import MISTAKES, draw_mistakes
-from inhalemon.simulate.motion import STANDARD_GRAVITY_M_S2
-from inhalemon.values import DeviceKind, EventKind, PhaseKind
+from inhalemon.values import STANDARD_GRAVITY_M_S2, DeviceKind, EventKind, PhaseKind
 
 DEVICES = ("pmdi", "ellipta")
 EVERY_MISTAKE = [(device.value, mistake) for device, mistakes in MISTAKES.items() for mistake in mistakes]

@@ -1,4 +1,4 @@
-"""Rows gathered into two sensors' arrays, with every check that needs more than one cell."""
+"""Rows gathered into two sensors' arrays, with every check that needs more than one cell of the file."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from inhalemon.exceptions import RecordingError
-from inhalemon.recording import layout
+from inhalemon.limits import MAX_SAMPLES, too_long
 from inhalemon.recording.csv_table import RowBlock, not_finite
 from inhalemon.recording.layout import Columns
-from inhalemon.values import BoolArray, FloatArray, SensorName, usual_step_s
+from inhalemon.values import BoolArray, FloatArray, SensorName
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,8 +98,8 @@ def _add(sensor: _Gathered, columns: Columns, block: RowBlock, is_its: BoolArray
         )
     sensor.last_time_s = float(time[-1])
     sensor.n_samples += time.size
-    if sensor.n_samples > layout.MAX_SAMPLES:
-        return _too_long(file, f"more than {layout.MAX_SAMPLES} samples of one sensor")
+    if sensor.n_samples > MAX_SAMPLES:
+        return too_long(f"more than {MAX_SAMPLES} samples of one sensor").in_file(file)
     sensor.time.append(time)
     sensor.acc.append(values[:, columns.acc] * columns.acc_factor)
     sensor.gyr.append(values[:, columns.gyr] * columns.gyr_factor)
@@ -118,55 +118,9 @@ def _finished(name: SensorName, sensor: _Gathered, file: str) -> RawSensor:
             wanted="rows of both body and lever",
             detail=f"Export the {name} sensor too",
         )
-    time_s = np.concatenate(sensor.time)
-    _check_duration_and_rate(name, time_s, file)
     return RawSensor(
-        time_s=time_s,
+        time_s=np.concatenate(sensor.time),
         acc_m_s2=np.concatenate(sensor.acc),
         gyr_rad_s=np.concatenate(sensor.gyr),
         mag_ut=np.concatenate(sensor.mag) if sensor.mag else None,
-    )
-
-
-def _check_duration_and_rate(name: SensorName, time_s: FloatArray, file: str) -> None:
-    """A sample stands for one step, so 200 samples at 100 Hz last 2 s."""
-    if time_s.size < 2:
-        raise _too_short(name, f"{time_s.size} sample", file)
-    step_s = usual_step_s(time_s)
-    length_s = float(time_s[-1] - time_s[0])
-    rate_hz = 1.0 / step_s
-    slack = layout.RATE_TOLERANCE
-    if not layout.MIN_RATE_HZ * (1 - slack) <= rate_hz <= layout.MAX_RATE_HZ * (1 + slack):
-        raise RecordingError(
-            "rate_out_of_range",
-            file=file,
-            column="time_s",
-            found=f"{rate_hz:.4g} Hz for {name}",
-            wanted=f"{layout.MIN_RATE_HZ:g} to {layout.MAX_RATE_HZ:g} Hz",
-            detail="Are the times in seconds?",
-        )
-    if length_s + step_s < layout.MIN_DURATION_S * (1 - slack):
-        raise _too_short(name, f"{length_s + step_s:.3g} s", file)
-    if length_s > layout.MAX_DURATION_S:
-        raise _too_long(file, f"{length_s:.6g} s of {name}")
-
-
-def _too_short(name: SensorName, found: str, file: str) -> RecordingError:
-    return RecordingError(
-        "too_short",
-        file=file,
-        column="time_s",
-        found=f"{found} of {name}",
-        wanted=f"at least {layout.MIN_DURATION_S:g} s of each sensor",
-    )
-
-
-def _too_long(file: str, found: str) -> RecordingError:
-    return RecordingError(
-        "too_long",
-        file=file,
-        column="time_s",
-        found=found,
-        wanted=f"at most {layout.MAX_DURATION_S:g} s",
-        detail="Cut the recording into sessions",
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from inhalemon.exceptions import RecordingError
-from inhalemon.recording.layout import stem_of, suffix_of
+from inhalemon.recording.layout import session_of, suffix_of
 from inhalemon.recording.parquet import embedded_sidecar
 from inhalemon.recording.reader import sidecar_beside
 from inhalemon.recording.sidecar import sidecar_from_json
@@ -19,4 +19,4 @@ def session_id_of(path: str | Path) -> str:
         sidecar = sidecar_from_json(embedded, file=str(path)) if embedded is not None else sidecar_beside(path)
     except RecordingError:
         sidecar = None  # reading the file will tell what is wrong
-    return (sidecar.session_id if sidecar else None) or stem_of(path.name) or "session"
+    return (sidecar.session_id if sidecar else None) or session_of(path.name)

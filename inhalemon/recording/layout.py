@@ -7,19 +7,13 @@ from dataclasses import dataclass
 from pathlib import PurePath
 
 from inhalemon.exceptions import RecordingError
+from inhalemon.limits import MAX_TEXT
+from inhalemon.values import STANDARD_GRAVITY_M_S2
 
 FORMAT = "inhalemon-recording/1"
 PARQUET_KEY = b"inhalemon"
-STANDARD_GRAVITY_M_S2 = 9.80665
 
 MAX_UNPACKED_BYTES = 512 * 2**20
-MIN_DURATION_S = 2.0
-MAX_DURATION_S = 3600.0
-MIN_RATE_HZ = 25.0
-MAX_RATE_HZ = 1000.0
-# A clock that is 0.05 % off turns a rate at the edge of the range into one just outside it.
-RATE_TOLERANCE = 5e-4
-MAX_SAMPLES = int(MAX_DURATION_S * MAX_RATE_HZ * (1 + RATE_TOLERANCE)) + 1
 
 # Beyond what any such sensor can say (1000 g, 19 turns a second times ten, a strong magnet): a broken export.
 MAX_ACC_M_S2 = 1000 * STANDARD_GRAVITY_M_S2
@@ -133,6 +127,11 @@ def stem_of(name: str) -> str:
     base = PurePath(name).name
     suffix = suffix_of(base)
     return base[: -len(suffix)] if suffix else PurePath(base).stem
+
+
+def session_of(name: str) -> str:
+    """The session id that a file's name gives: its stem, as far as a session id may be so."""
+    return shortened(stem_of(name), MAX_TEXT - 3).strip() or "session"
 
 
 def shortened(text: str, most: int = 40) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import io
-import math
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import BinaryIO
 
 import numpy as np
@@ -13,13 +13,19 @@ import numpy as np
 from inhalemon.exceptions import RecordingError
 from inhalemon.recording.checks import RawSensor, gather
 from inhalemon.recording.csv_table import read_rows
-from inhalemon.recording.layout import MAX_UNPACKED_BYTES, STANDARD_GRAVITY_M_S2, stem_of, suffix_of
+from inhalemon.recording.layout import MAX_UNPACKED_BYTES, session_of, stem_of, suffix_of
 from inhalemon.recording.parquet import read_parquet
 from inhalemon.recording.saturation import MIN_FLAT_ACC_M_S2, MIN_FLAT_GYR_RAD_S, saturated
-from inhalemon.recording.sidecar import MAX_SIDECAR_BYTES, Sidecar, sidecar_from_json, sidecar_from_mapping
+from inhalemon.recording.sidecar import (
+    MAX_SIDECAR_BYTES,
+    SensorEntry,
+    Sidecar,
+    sidecar_from_json,
+    sidecar_from_mapping,
+)
 from inhalemon.recording.unpack import kind_of, too_large, unpacked_blocks
 from inhalemon.rotation import rotate
-from inhalemon.values import DeviceKind, ImuTrack, Recording, SensorInfo, SensorName
+from inhalemon.values import DeviceKind, ImuTrack, Recording, SensorName
 
 
 def is_recording_file(path: str | Path) -> bool:
@@ -80,15 +86,18 @@ def _read(stream: BinaryIO, *, name: str, sidecar: Sidecar | None, device: Devic
     sidecar = sidecar or Sidecar()
     chosen = _device(device, sidecar, name)
     raw = gather(blocks, file=name)
-    return Recording(
-        device=chosen,
-        body=_track(raw[SensorName.BODY], sidecar.sensors.get(SensorName.BODY, SensorInfo())),
-        lever=_track(raw[SensorName.LEVER], sidecar.sensors.get(SensorName.LEVER, SensorInfo())),
-        session_id=sidecar.session_id or stem_of(name) or "session",
-        recorded_at=sidecar.recorded_at,
-        patient_ref=sidecar.patient_ref,
-        sensors=sidecar.sensors,
-    )
+    try:
+        return Recording(
+            device=chosen,
+            body=_track(raw[SensorName.BODY], sidecar.sensors.get(SensorName.BODY, SensorEntry())),
+            lever=_track(raw[SensorName.LEVER], sidecar.sensors.get(SensorName.LEVER, SensorEntry())),
+            session_id=sidecar.session_id or session_of(name),
+            recorded_at=sidecar.recorded_at,
+            patient_ref=sidecar.patient_ref,
+            sensors=MappingProxyType({sensor: entry.info for sensor, entry in sidecar.sensors.items()}),
+        )
+    except RecordingError as error:
+        raise error.in_file(name) from error
 
 
 def _device(given: DeviceKind | str | None, sidecar: Sidecar, file: str) -> DeviceKind:
@@ -108,15 +117,13 @@ def _device(given: DeviceKind | str | None, sidecar: Sidecar, file: str) -> Devi
     return DeviceKind(chosen)
 
 
-def _track(raw: RawSensor, info: SensorInfo) -> ImuTrack:
+def _track(raw: RawSensor, entry: SensorEntry) -> ImuTrack:
     """The sensor's track in its part's frame; saturation was looked for on the chip's axes."""
-    acc_range = info.acc_range_g * STANDARD_GRAVITY_M_S2 if info.acc_range_g is not None else None
-    gyr_range = math.radians(info.gyr_range_deg_s) if info.gyr_range_deg_s is not None else None
-    is_acc_saturated = saturated(raw.acc_m_s2, acc_range, min_flat=MIN_FLAT_ACC_M_S2)
-    is_gyr_saturated = saturated(raw.gyr_rad_s, gyr_range, min_flat=MIN_FLAT_GYR_RAD_S)
+    is_acc_saturated = saturated(raw.acc_m_s2, entry.acc_range_m_s2, min_flat=MIN_FLAT_ACC_M_S2)
+    is_gyr_saturated = saturated(raw.gyr_rad_s, entry.gyr_range_rad_s, min_flat=MIN_FLAT_GYR_RAD_S)
     acc, gyr, mag = raw.acc_m_s2, raw.gyr_rad_s, raw.mag_ut
-    if info.q_chip is not None:
-        q_part_chip = np.array(info.q_chip)
+    if entry.info.q_chip is not None:
+        q_part_chip = np.array(entry.info.q_chip)
         acc, gyr = rotate(q_part_chip, acc), rotate(q_part_chip, gyr)
         mag = rotate(q_part_chip, mag) if mag is not None else None
     return ImuTrack(
@@ -124,8 +131,8 @@ def _track(raw: RawSensor, info: SensorInfo) -> ImuTrack:
         acc_m_s2=acc,
         gyr_rad_s=gyr,
         mag_ut=mag,
-        acc_range_m_s2=acc_range,
-        gyr_range_rad_s=gyr_range,
+        acc_range_m_s2=entry.acc_range_m_s2,
+        gyr_range_rad_s=entry.gyr_range_rad_s,
         is_acc_saturated=is_acc_saturated,
         is_gyr_saturated=is_gyr_saturated,
     )

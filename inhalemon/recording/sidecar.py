@@ -5,18 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from datetime import datetime
 from types import MappingProxyType
 
 import orjson
 
 from inhalemon.exceptions import RecordingError
+from inhalemon.limits import INSTANT_WANTED, TEXT_WANTED, is_instant, is_plain_text
 from inhalemon.recording.layout import FORMAT, shortened
-from inhalemon.values import DeviceKind, Recording, SensorInfo, SensorName
+from inhalemon.values import STANDARD_GRAVITY_M_S2, DeviceKind, ImuTrack, Recording, SensorInfo, SensorName
 
 MAX_SIDECAR_BYTES = 2**20
-_MAX_TEXT = 200
 _QUATERNION_TOLERANCE = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class SensorEntry:
+    """What a sidecar says of one sensor; the ranges go to its track, the rest to the recording."""
+
+    info: SensorInfo = field(default_factory=SensorInfo)
+    acc_range_m_s2: float | None = None
+    gyr_range_rad_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +35,7 @@ class Sidecar:
     device: DeviceKind | None = None
     recorded_at: str | None = None
     patient_ref: str | None = None
-    sensors: Mapping[SensorName, SensorInfo] = field(default_factory=lambda: MappingProxyType({}))
+    sensors: Mapping[SensorName, SensorEntry] = field(default_factory=lambda: MappingProxyType({}))
 
 
 def sidecar_from_json(text: bytes | str, *, file: str) -> Sidecar:
@@ -73,26 +81,35 @@ def sidecar_to_mapping(recording: Recording) -> dict[str, object]:
         "patient_ref": recording.patient_ref,
     }
     sensors: dict[str, dict[str, object]] = {}
-    for name, info in recording.sensors.items():
+    for name in SensorName:
+        track: ImuTrack = getattr(recording, name)
+        info = recording.sensors.get(name, SensorInfo())
         entry: dict[str, object] = {
             "model": info.model,
-            "acc_range_g": info.acc_range_g,
-            "gyr_range_deg_s": info.gyr_range_deg_s,
+            "acc_range_g": _in_unit(track.acc_range_m_s2, STANDARD_GRAVITY_M_S2),
+            "gyr_range_deg_s": _in_unit(track.gyr_range_rad_s, math.radians(1.0)),
             f"q_{name}_chip": list(info.q_chip) if info.q_chip is not None else None,
         }
-        sensors[str(name)] = {key: value for key, value in entry.items() if value is not None}
+        known = {key: value for key, value in entry.items() if value is not None}
+        if known:
+            sensors[str(name)] = known
     if sensors:
         fields["sensors"] = sensors
     return {key: value for key, value in fields.items() if value is not None}
 
 
-def _sensors(fields: Mapping[str, object], file: str) -> Mapping[SensorName, SensorInfo]:
+def _in_unit(value: float | None, unit: float) -> float | None:
+    """A range as its maker tells it: 16 g stays 16."""
+    return None if value is None else float(f"{value / unit:.9g}")
+
+
+def _sensors(fields: Mapping[str, object], file: str) -> Mapping[SensorName, SensorEntry]:
     given = fields.get("sensors")
     if given is None:
         return MappingProxyType({})
     if not isinstance(given, Mapping):
         raise _wrong(file, "sensors", _shown(given), "an object with body and lever")
-    sensors: dict[SensorName, SensorInfo] = {}
+    sensors: dict[SensorName, SensorEntry] = {}
     for key, entry in given.items():
         if key not in (SensorName.BODY, SensorName.LEVER):
             raise _wrong(file, f"sensors.{shortened(str(key))}", "unknown", "body or lever")
@@ -103,17 +120,19 @@ def _sensors(fields: Mapping[str, object], file: str) -> Mapping[SensorName, Sen
     return MappingProxyType(sensors)
 
 
-def _sensor(entry: Mapping[str, object], name: SensorName, file: str) -> SensorInfo:
+def _sensor(entry: Mapping[str, object], name: SensorName, file: str) -> SensorEntry:
     where = f"sensors.{name}"
     known = ("model", "acc_range_g", "gyr_range_deg_s", f"q_{name}_chip")
     for key in entry:
         if key not in known:
             raise _wrong(file, f"{where}.{shortened(str(key))}", "unknown", f"one of {', '.join(known)}")
-    return SensorInfo(
-        model=_text(entry, "model", file, where=f"{where}."),
-        acc_range_g=_positive(entry, "acc_range_g", file, where),
-        gyr_range_deg_s=_positive(entry, "gyr_range_deg_s", file, where),
-        q_chip=_quaternion(entry, f"q_{name}_chip", file, where),
+    return SensorEntry(
+        info=SensorInfo(
+            model=_text(entry, "model", file, where=f"{where}."),
+            q_chip=_quaternion(entry, f"q_{name}_chip", file, where),
+        ),
+        acc_range_m_s2=_positive(entry, "acc_range_g", file, where, unit=STANDARD_GRAVITY_M_S2),
+        gyr_range_rad_s=_positive(entry, "gyr_range_deg_s", file, where, unit=math.radians(1.0)),
     )
 
 
@@ -121,9 +140,9 @@ def _text(fields: Mapping[str, object], key: str, file: str, *, where: str = "")
     value = fields.get(key)
     if value is None:
         return None
-    if not isinstance(value, str) or not value.strip() or len(value) > _MAX_TEXT or not value.isprintable():
-        raise _wrong(file, where + key, _shown(value), f"a text of 1 to {_MAX_TEXT} characters on one line")
-    return value
+    if not is_plain_text(value):
+        raise _wrong(file, where + key, _shown(value), TEXT_WANTED)
+    return str(value)
 
 
 def _device(fields: Mapping[str, object], file: str) -> DeviceKind | None:
@@ -139,22 +158,19 @@ def _instant(fields: Mapping[str, object], file: str) -> str | None:
     value = fields.get("recorded_at")
     if value is None:
         return None
-    try:
-        instant = datetime.fromisoformat(value) if isinstance(value, str) else None
-    except ValueError:
-        instant = None
-    if instant is None or instant.tzinfo is None:
-        raise _wrong(file, "recorded_at", _shown(value), "an ISO 8601 time with its offset, 2026-11-20T08:30:00+09:00")
+    if not is_instant(value):
+        raise _wrong(file, "recorded_at", _shown(value), INSTANT_WANTED)
     return str(value)
 
 
-def _positive(entry: Mapping[str, object], key: str, file: str, where: str) -> float | None:
+def _positive(entry: Mapping[str, object], key: str, file: str, where: str, *, unit: float) -> float | None:
+    """The range in SI units."""
     value = entry.get(key)
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
         raise _wrong(file, f"{where}.{key}", _shown(value), "a positive number")
-    return float(value)
+    return float(value) * unit
 
 
 def _quaternion(

@@ -10,9 +10,8 @@ import numpy as np
 
 from inhalemon.pipeline import Tracks
 from inhalemon.rotation import tilt_from_upright
-from inhalemon.values import BoolArray, FloatArray
+from inhalemon.values import STANDARD_GRAVITY_M_S2, BoolArray, FloatArray
 
-STANDARD_GRAVITY_M_S2: Final = 9.80665
 N_BUCKETS: Final = 800  # two points each: about as many as a wide screen has columns
 _TWO_SIDED_95: Final = 1.96
 _GAP_S: Final = 0.25  # longer than this without samples and the line is broken

@@ -13,9 +13,8 @@ from typing import Final
 import numpy as np
 
 from inhalemon.rotation import from_rotation_vector, multiply
-from inhalemon.values import FloatArray
+from inhalemon.values import STANDARD_GRAVITY_M_S2, FloatArray
 
-STANDARD_GRAVITY_M_S2: Final = 9.80665
 N_COORDINATES: Final = 7
 X, Y, Z, YAW, PITCH, ROLL, LEVER = range(N_COORDINATES)
 

@@ -14,8 +14,7 @@ from typing import Final
 import numpy as np
 
 from inhalemon.rotation import as_matrix, from_rotation_vector
-from inhalemon.simulate.motion import STANDARD_GRAVITY_M_S2
-from inhalemon.values import FloatArray, ImuTrack, SensorInfo
+from inhalemon.values import STANDARD_GRAVITY_M_S2, FloatArray, ImuTrack, SensorInfo
 
 Signals = Callable[[FloatArray], tuple[FloatArray, FloatArray]]  # true times (n,) -> specific force, rate, (n, 3) each
 
@@ -174,7 +173,7 @@ def observe(
         acc_range_m_s2=acc_range,
         gyr_range_rad_s=gyr_range,
     )
-    info = SensorInfo(chip.model, acc_range_g=conditions.acc_range_g, gyr_range_deg_s=conditions.gyr_range_deg_s)
+    info = SensorInfo(chip.model)
     return Observed(track, info, true_s, gyr_bias, q_part_chip)
 
 

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from inhalemon.exceptions import SimulationError
+from inhalemon.limits import MAX_RATE_HZ, MIN_RATE_HZ
 from inhalemon.rotation import from_rotation_vector, multiply, tilt_from_upright
 from inhalemon.simulate import sensors
 from inhalemon.simulate.ellipta import act_ellipta
@@ -25,8 +26,6 @@ from inhalemon.simulate.truth import Truth, dose_measures, strokes
 from inhalemon.values import DeviceKind, FloatArray, Phase, PhaseKind, Recording, SensorName
 
 _CONDITIONS: Final = {"perfect": sensors.PERFECT, "typical": sensors.TYPICAL, "harsh": sensors.HARSH}
-_MIN_RATE_HZ: Final = 25.0
-_MAX_RATE_HZ: Final = 1000.0
 
 
 def simulate_session(
@@ -108,8 +107,8 @@ def simulate_session(
 def _checked_rates(rate_hz: float | tuple[float, float]) -> tuple[float, float]:
     body_hz, lever_hz = rate_hz if isinstance(rate_hz, tuple) else (rate_hz, rate_hz)
     for rate in (body_hz, lever_hz):
-        if not _MIN_RATE_HZ <= rate <= _MAX_RATE_HZ:
-            raise SimulationError(f"rate_hz is {rate}; expected {_MIN_RATE_HZ:g} to {_MAX_RATE_HZ:g}")
+        if not MIN_RATE_HZ <= rate <= MAX_RATE_HZ:
+            raise SimulationError(f"rate_hz is {rate}; expected {MIN_RATE_HZ:g} to {MAX_RATE_HZ:g}")
     return float(body_hz), float(lever_hz)
 
 

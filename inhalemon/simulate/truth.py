@@ -12,10 +12,9 @@ from typing import Final, Protocol
 import numpy as np
 
 from inhalemon.rotation import tilt_from_upright
-from inhalemon.simulate.motion import STANDARD_GRAVITY_M_S2
 from inhalemon.simulate.sensors import Clock
 from inhalemon.simulate.steps import DoseNotes
-from inhalemon.values import DeviceKind, Event, EventKind, FloatArray, IntArray, Phase
+from inhalemon.values import STANDARD_GRAVITY_M_S2, DeviceKind, Event, EventKind, FloatArray, IntArray, Phase
 
 LABELS_FORMAT: Final = "inhalemon-labels/1"
 _STROKE_M_S2: Final = 0.6 * STANDARD_GRAVITY_M_S2

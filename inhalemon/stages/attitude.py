@@ -23,11 +23,10 @@ from inhalemon.exceptions import RecordingError
 from inhalemon.rotation import from_source, from_two_vectors, to_source
 from inhalemon.settings import AttitudeMethod, AttitudeSettings
 from inhalemon.signals import memory
-from inhalemon.values import AttitudeTrack, FloatArray, ImuTrack
+from inhalemon.values import STANDARD_GRAVITY_M_S2, AttitudeTrack, FloatArray, ImuTrack
 
 log = logging.getLogger(__name__)
 
-GRAVITY_M_S2 = 9.80665
 GYR_SATURATED, ACC_SATURATED = 1, 2  # the bits of a sample's flags in the kernel
 BLOCK = 8192  # samples between the states that the smoother keeps: most sessions are one block, gone through once
 
@@ -208,7 +207,7 @@ def _as_track(track: ImuTrack, out: _Estimate, settings: AttitudeSettings) -> At
         memory(track.gyr_rad_s),
         memory(out.bias),
         settings.gyr_delay_s,
-        (settings.sd_acc_bias_m_s2 / GRAVITY_M_S2) ** 2,
+        (settings.sd_acc_bias_m_s2 / STANDARD_GRAVITY_M_S2) ** 2,
         0.5 * settings.sd_delay_s**2,
         memory(out.q),
         memory(out.tilt_var),
@@ -226,7 +225,7 @@ def _source(track: ImuTrack, settings: AttitudeSettings) -> AttitudeTrack:
     of_source = source_kernel.SourceFilter()
     of_source.gyr_var = settings.source_gyr_noise_rad_s**2
     of_source.acc_var = settings.source_acc_noise_m_s2**2
-    of_source.g = GRAVITY_M_S2
+    of_source.g = STANDARD_GRAVITY_M_S2
     of_source.n_window = settings.source_window_n if settings.method is AttitudeMethod.AKF_SOURCE else 1
     of_source.x = to_source(_upright_start(track)).tolist()
     of_source.p = (np.eye(4).ravel() * settings.sd_start_tilt_rad**2 / 4).tolist()
@@ -246,9 +245,9 @@ def _gyro(track: ImuTrack, settings: AttitudeSettings) -> AttitudeTrack:
         memory(track.time_s), memory(track.gyr_rad_s), is_row.data, memory(q), memory(bias), memory(tilt_var)
     )
     since_s = track.time_s - track.time_s[0]
-    start = abs(float(np.linalg.norm(track.acc_m_s2[0])) / GRAVITY_M_S2 - 1.0)
+    start = abs(float(np.linalg.norm(track.acc_m_s2[0])) / STANDARD_GRAVITY_M_S2 - 1.0)
     bias_sd = settings.sd_start_bias_rad_s
-    sd = np.sqrt(start**2 + (settings.sd_acc_bias_m_s2 / GRAVITY_M_S2) ** 2 + (bias_sd * since_s) ** 2)
+    sd = np.sqrt(start**2 + (settings.sd_acc_bias_m_s2 / STANDARD_GRAVITY_M_S2) ** 2 + (bias_sd * since_s) ** 2)
     return AttitudeTrack(track.time_s, q, sd, bias, np.zeros(n))
 
 

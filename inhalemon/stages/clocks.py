@@ -72,7 +72,7 @@ def align_clocks(recording: Recording, settings: ClockSettings) -> tuple[Recordi
         return recording, fit
     time_s = recording.lever.time_s
     moved = time_s + fit.offset_s + fit.drift * (time_s - fit.reference_s)
-    return dataclasses.replace(recording, lever=dataclasses.replace(recording.lever, time_s=moved)), fit
+    return recording.with_tracks(lever=dataclasses.replace(recording.lever, time_s=moved)), fit
 
 
 def _shared_motion(body_track: ImuTrack, lever_track: ImuTrack, settings: ClockSettings) -> ClockFit | None:

@@ -8,9 +8,8 @@ from scipy.linalg import solveh_banded
 from inhalemon.rotation import normalise, rotate, tilt_from_upright, up_in
 from inhalemon.settings import MotionSettings
 from inhalemon.signals import at_times, moving_mean, squares
-from inhalemon.values import AttitudeTrack, BoolArray, FloatArray, LeverTrack, Motion, Recording
+from inhalemon.values import STANDARD_GRAVITY_M_S2, AttitudeTrack, BoolArray, FloatArray, LeverTrack, Motion, Recording
 
-GRAVITY_M_S2 = 9.80665
 RATE_HZ = 100.0  # of the grid, give or take half a step in all: hands do nothing quicker than a tremor, 12 Hz
 
 # The velocity solution: what a hand does, in SI units.
@@ -49,7 +48,7 @@ def describe_motion(
     gyr = _on_grid(time_s, body.time_s, body.gyr_rad_s - attitude.gyr_bias_rad_s, width)
     force = _on_grid(time_s, body.time_s, body.acc_m_s2, width)
     acc_ref = rotate(q, force)
-    acc_ref[:, 2] -= GRAVITY_M_S2
+    acc_ref[:, 2] -= STANDARD_GRAVITY_M_S2
     angle = _on_grid(time_s, lever.time_s, lever.angle_rad, 1)
 
     is_gap = _in_gaps(time_s, body.time_s, settings.long_gap_s) | _in_gaps(

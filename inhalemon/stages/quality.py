@@ -10,6 +10,7 @@ from inhalemon.rotation import components
 from inhalemon.settings import QualitySettings
 from inhalemon.signals import lengths, quantile
 from inhalemon.values import (
+    STANDARD_GRAVITY_M_S2,
     BoolArray,
     Calibration,
     ClockFit,
@@ -22,7 +23,6 @@ from inhalemon.values import (
     SensorName,
 )
 
-_STANDARD_GRAVITY_M_S2 = 9.80665
 _Doubt = tuple[Flag, bool]  # and whether it makes the recording unusable
 
 
@@ -129,9 +129,9 @@ def _rest_and_gravity(name: SensorName, track: ImuTrack, settings: QualitySettin
             yield Flag("no_rest_at_end", name, f"not still within the last {settings.end_s:g} s"), False
     if rests.any():
         found = float(quantile(gravity[1:][rests], 0.5))
-        excess = abs(found - _STANDARD_GRAVITY_M_S2)
+        excess = abs(found - STANDARD_GRAVITY_M_S2)
         if excess > settings.max_gravity_excess_m_s2:
-            detail = f"{found:.2f} m/s2 when still; expected {_STANDARD_GRAVITY_M_S2:.2f}"
+            detail = f"{found:.2f} m/s2 when still; expected {STANDARD_GRAVITY_M_S2:.2f}"
             yield Flag("gravity_off", name, detail), excess > settings.unusable_gravity_excess_m_s2
 
 

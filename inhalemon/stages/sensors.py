@@ -16,9 +16,8 @@ from inhalemon.rotation import (
 )
 from inhalemon.settings import SensorSettings
 from inhalemon.signals import lengths, means_between, quantile, squares
-from inhalemon.values import BoolArray, FloatArray, ImuTrack, Recording
+from inhalemon.values import STANDARD_GRAVITY_M_S2, BoolArray, FloatArray, ImuTrack, Recording
 
-_G_M_S2 = 9.80665
 _TUKEY = 4.0  # standard deviations beyond which a block has no say
 _N_ROUNDS = 10  # of weighing and fitting
 _FIRST_SCALE = 0.2  # of the rate: at first the mounting may be 10 deg off and must not look like an outlier
@@ -56,8 +55,7 @@ def correct_sensors(recording: Recording, hinge_axis: FloatArray, settings: Sens
     if max(np.abs(acc_bias_body).max(), np.abs(acc_bias_lever).max()) > _TOO_MUCH * settings.sd_acc_bias_m_s2:
         # No chip is that far off: the lever was not shut when it seemed so.
         return recording
-    return dataclasses.replace(
-        recording,
+    return recording.with_tracks(
         body=_less(recording.body, bias_body, acc_bias_body),
         lever=_less(recording.lever, bias_lever + bias_between, acc_bias_lever),
     )
@@ -230,9 +228,9 @@ def _acc_biases(
     for part, mean, chosen in ((slice(0, 3), mean_body, quiet.body), (slice(3, 6), mean_lever, quiet.lever)):
         # |acc| - g is the bias along gravity.
         length = np.linalg.norm(mean[chosen], axis=1, keepdims=True)
-        up = mean[chosen] / np.maximum(length, _G_M_S2 / 2)
+        up = mean[chosen] / np.maximum(length, STANDARD_GRAVITY_M_S2 / 2)
         normal[part, part] += up.T @ up / settings.sd_acc_m_s2**2
-        pull[part] += up.T @ (length[:, 0] - _G_M_S2) / settings.sd_acc_m_s2**2
+        pull[part] += up.T @ (length[:, 0] - STANDARD_GRAVITY_M_S2) / settings.sd_acc_m_s2**2
     to_lever = as_matrix(conjugate(q_body_lever))
     both = np.concatenate([-to_lever, _EYE], axis=1)
     normal += both.T @ both * (shut.sum() / settings.sd_acc_m_s2**2)
