@@ -87,7 +87,13 @@ def estimate_tracks(recording: Recording, settings: Settings | None = None, *, d
     angle = lever_angle(body, lever, calibration, sd_delay_s=settings.attitude.sd_delay_s)
     body, lever = (_with_offset(part, settings.attitude.sd_acc_bias_m_s2) for part in (body, lever))
     quality = assess_quality(
-        as_recorded, clock, settings.quality, calibration=calibration, lever=angle, hinge_axis=axis
+        as_recorded,
+        clock,
+        settings.quality,
+        calibration=calibration,
+        lever=angle,
+        hinge_axis=axis,
+        has_shut_state=has_shut_state,
     )
     return Tracks(recording, clock, body, lever, calibration, angle, quality)
 

@@ -348,6 +348,16 @@ class QualitySettings:
     max_axis_rad: float = 0.175  # the format promises frames to within 10 degrees
     max_off_axis_rad: float = 0.175
     max_angle_sd_rad: float = 0.35  # 20 degrees: no stroke of a lever can be told
+    # The gyroscope's unit, from how far gravity turns between the blocks of `rest_block_s`.
+    max_turn_excess_m_s2: float = 1.0  # specific force farther from g is more than gravity
+    min_turn_blocks: int = 20
+    min_turn_rad: float = 0.1  # root of the sum of squares: a session that hardly turns says nothing
+    min_turn_agreed: float = 0.4  # correlation of the turn seen with the one told
+    max_gyr_scale: float = 7.5  # either way: rad/s and deg/s are 57 apart, and this is the root
+    # A lever or cover on the wrong side of shut.
+    stroke_block_s: Block = 0.1  # three in a row: shorter than any press, longer than what a gap in a shake does
+    min_backwards_rad: float = 0.087  # 5 degrees, a full press
+    backwards_share: Share = 0.33  # so much of it to the right side, and the sign may be right
 
 
 @dataclass(frozen=True, slots=True)

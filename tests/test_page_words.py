@@ -141,6 +141,7 @@ def _spoilt(recording: Recording) -> Iterator[Recording]:
         _kept(body, (body.time_s > 4.0) & (body.time_s < body.time_s[-1] - 8.0)),
         replace(body, is_gyr_saturated=is_fast, is_acc_saturated=is_pushed),
         replace(body, acc_m_s2=1.1 * body.acc_m_s2),
+        replace(body, gyr_rad_s=np.radians(body.gyr_rad_s)),
     ):
         yield replace(recording, body=other)
     for other in (
@@ -150,6 +151,7 @@ def _spoilt(recording: Recording) -> Iterator[Recording]:
         replace(lever, acc_m_s2=lever.acc_m_s2 @ turned, gyr_rad_s=lever.gyr_rad_s @ turned),
     ):
         yield replace(recording, lever=other)
+    yield replace(recording, body=lever, lever=body)
 
 
 def test_what_is_doubtful_about_a_recording_is_told_with_its_numbers_in_japanese() -> None:

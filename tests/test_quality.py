@@ -7,6 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from inhalemon.devices import load_device
+from inhalemon.pipeline import score_recording
 from inhalemon.settings import ClockSettings, QualitySettings
 from inhalemon.simulate import simulate_session
 from inhalemon.stages.clocks import align_clocks
@@ -16,11 +18,13 @@ from inhalemon.values import (
     Calibration,
     ClockFit,
     DeviceKind,
+    Grade,
     ImuTrack,
     LeverTrack,
     Quality,
     Recording,
     SensorName,
+    Verdict,
 )
 
 GOOD_CLOCK = ClockFit(0.0, 0.0, 0.0, 2e-4, 1e-5, is_found=True)
@@ -169,6 +173,49 @@ def test_an_angle_that_is_not_known_is_unusable() -> None:
     quality = assess_quality(_recording(), GOOD_CLOCK, QualitySettings(), lever=loose)
     assert quality.usable
     assert _codes(quality) == {("off_axis", "lever")}
+
+
+@pytest.mark.parametrize("device", ["pmdi", "ellipta"])
+@pytest.mark.parametrize("wrong", ["swapped", "sign"])
+def test_a_lever_that_goes_to_the_wrong_side_of_shut_is_no_missing_press(device: str, wrong: str) -> None:
+    recording, _ = simulate_session(device, seed=5)
+    profile = load_device(device)
+    if wrong == "swapped":
+        recording = dataclasses.replace(recording, body=recording.lever, lever=recording.body)
+    else:
+        profile = dataclasses.replace(profile, hinge_sign=-1)
+    report = score_recording(recording, device=profile)
+    assert ("lever_backwards", "lever") in _codes(report.quality)
+    assert not report.quality.usable
+    assert report.score.grade is Grade.NOT_ASSESSABLE
+    assert {finding.verdict for finding in report.findings} == {Verdict.NOT_ASSESSABLE}
+
+
+@pytest.mark.parametrize("scale", [np.radians(1.0), np.degrees(1.0)])
+@pytest.mark.parametrize("device", ["pmdi", "ellipta"])
+def test_a_gyroscope_in_another_unit_than_its_label_is_unusable(device: str, scale: float) -> None:
+    recording, _ = simulate_session(device, seed=6)
+    body, lever = (
+        dataclasses.replace(track, gyr_rad_s=scale * track.gyr_rad_s) for track in (recording.body, recording.lever)
+    )
+    quality = _assessed(dataclasses.replace(recording, body=body, lever=lever))
+    assert {("gyr_scale_odd", "body"), ("gyr_scale_odd", "lever")} <= _codes(quality)
+    assert not quality.usable
+
+
+@pytest.mark.parametrize(
+    ("device", "mistake"),
+    [
+        ("pmdi", "no_press"),
+        ("pmdi", "press_incomplete"),
+        ("pmdi", "inverted_at_press"),
+        ("ellipta", "cover_not_fully_open"),
+        ("ellipta", "inverted_after_open"),
+    ],
+)
+def test_a_mistake_is_not_taken_for_a_wrong_sensor(device: str, mistake: str) -> None:
+    recording, _ = simulate_session(device, [mistake], seed=7, profile="harsh")
+    assert score_recording(recording).quality.usable
 
 
 @pytest.mark.parametrize("device", ["pmdi", "ellipta"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from inhalemon.rotation import components
 from inhalemon.settings import QualitySettings
@@ -23,6 +24,7 @@ from inhalemon.values import (
     SensorName,
 )
 
+_BLOCKS_A_STROKE = 3
 _Doubt = tuple[Flag, bool]  # and whether it makes the recording unusable
 
 
@@ -34,13 +36,16 @@ def assess_quality(
     calibration: Calibration | None = None,
     lever: LeverTrack | None = None,
     hinge_axis: FloatArray | None = None,
+    has_shut_state: bool = False,
 ) -> Quality:
     """The flags of a recording, and whether it is usable: nothing is refused here, and nothing passed in silence.
 
     `recording` has the lever on the body's clock, as `clock` says. What later stages found may be given: the
-    calibration (with `hinge_axis` (3,), where the device profile says the hinge is) and the lever's track.
-    `usable` is false when attitude or angle cannot be trusted for much of the session: a gyroscope saturated, samples
-    missing, no time in common, a sensor whose numbers stand still, gravity off by half, an angle that is not known.
+    calibration (with `hinge_axis` (3,), where the device profile says the hinge is) and the lever's track (with whether
+    its zero is a shut lever, from which it goes one way only).
+    `usable` is false when attitude or angle cannot be trusted for much of the session: a gyroscope saturated or in
+    another unit, samples missing, no time in common, a sensor whose numbers stand still, gravity off by half, an angle
+    that is not known or has the wrong sign.
     """
     doubts: list[_Doubt] = []
     for name, track in ((SensorName.BODY, recording.body), (SensorName.LEVER, recording.lever)):
@@ -54,6 +59,7 @@ def assess_quality(
         doubts += _hinge(calibration, hinge_axis, settings)
     if lever is not None:
         doubts += _angle(lever, settings)
+        doubts += _backwards(lever, settings) if has_shut_state else ()
     return Quality(usable=not any(is_fatal for _, is_fatal in doubts), flags=tuple(flag for flag, _ in doubts))
 
 
@@ -119,7 +125,8 @@ def _rest_and_gravity(name: SensorName, track: ImuTrack, settings: QualitySettin
     n_blocks = track.n_samples // n_block
     if n_blocks < 2:
         return
-    is_still, gravity = _still_blocks(track, n_block, n_blocks, settings)
+    gyr, acc, is_still = _blocks(track, n_block, n_blocks, settings)
+    yield from _gyr_scale(name, gyr, acc, n_block / track.rate_hz, settings)
     rests = is_still[1:] & is_still[:-1]  # two blocks in a row
     if name is SensorName.BODY:
         n_end = max(1, round(settings.end_s / settings.rest_block_s))
@@ -128,17 +135,17 @@ def _rest_and_gravity(name: SensorName, track: ImuTrack, settings: QualitySettin
         if not rests[-n_end:].any():
             yield Flag("no_rest_at_end", name, f"not still within the last {settings.end_s:g} s"), False
     if rests.any():
-        found = float(quantile(gravity[1:][rests], 0.5))
+        found = float(quantile(lengths(acc)[1:][rests], 0.5))
         excess = abs(found - STANDARD_GRAVITY_M_S2)
         if excess > settings.max_gravity_excess_m_s2:
             detail = f"{found:.2f} m/s2 when still; expected {STANDARD_GRAVITY_M_S2:.2f}"
             yield Flag("gravity_off", name, detail), excess > settings.unusable_gravity_excess_m_s2
 
 
-def _still_blocks(
+def _blocks(
     track: ImuTrack, n_block: int, n_blocks: int, settings: QualitySettings
-) -> tuple[BoolArray, FloatArray]:
-    """Which blocks are still, and the length of the mean specific force in each."""
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """The mean angular rate and specific force (m, 3) of each block, and whether it is still."""
     means, variances = [], []
     share = np.full(n_block, 1.0 / n_block)
     for values in (track.gyr_rad_s, track.acc_m_s2):
@@ -147,7 +154,32 @@ def _still_blocks(
         means.append(mean)
         variances.append((share @ (blocks * blocks) - mean * mean).max(axis=1))
     is_still = (variances[0] < settings.max_rest_sd_rad_s**2) & (variances[1] < settings.max_rest_sd_m_s2**2)
-    return is_still, lengths(means[1])
+    return means[0], means[1], is_still
+
+
+def _gyr_scale(
+    name: SensorName, gyr: FloatArray, acc: FloatArray, block_s: float, settings: QualitySettings
+) -> Iterator[_Doubt]:
+    """Gravity turns in the sensor's frame as its gyroscope says; a wrong unit is 57 times off.
+
+    From block to block, where the specific force is about gravity. The scale is regressed both ways, so that other
+    accelerations make it look nearer to one.
+    """
+    is_near = np.abs(lengths(acc) - STANDARD_GRAVITY_M_S2) < settings.max_turn_excess_m_s2
+    pairs = is_near[1:] & is_near[:-1]
+    if np.count_nonzero(pairs) < settings.min_turn_blocks:
+        return
+    rate = 0.5 * (gyr[1:] + gyr[:-1])[pairs] - quantile(gyr, 0.5)
+    before, after = (part[pairs] / lengths(part[pairs])[:, None] for part in (acc[:-1], acc[1:]))
+    seen, told = after - before, block_s * np.cross(0.5 * (before + after), rate)
+    seen2, told2, both = float(np.sum(seen * seen)), float(np.sum(told * told)), float(np.sum(seen * told))
+    is_clear = seen2 > settings.min_turn_rad**2 and both > settings.min_turn_agreed * np.sqrt(seen2 * told2)
+    if not is_clear:
+        return
+    scale = both / told2 if told2 < seen2 else seen2 / both
+    if not 1.0 / settings.max_gyr_scale < scale < settings.max_gyr_scale:
+        detail = f"gravity turns {scale:.2g} times as far as the gyroscope says; is it in deg/s or rad/s, as labelled?"
+        yield Flag("gyr_scale_odd", name, detail), True
 
 
 def _clocks(recording: Recording, clock: ClockFit, settings: QualitySettings) -> Iterator[_Doubt]:
@@ -192,6 +224,27 @@ def _angle(lever: LeverTrack, settings: QualitySettings) -> Iterator[_Doubt]:
     if not sd_rad <= settings.max_angle_sd_rad:
         detail = f"standard deviation of the angle {np.degrees(sd_rad):.0f} deg over most of the session"
         yield Flag("angle_unsure", SensorName.LEVER, detail), True
+
+
+def _backwards(lever: LeverTrack, settings: QualitySettings) -> Iterator[_Doubt]:
+    """A shut lever (cover) goes to one side only; an angle that goes to the other one alone has the wrong sign."""
+    n_block = max(1, round(settings.stroke_block_s / float(quantile(np.diff(lever.time_s), 0.5))))
+    n_blocks = lever.time_s.size // n_block
+    if n_blocks < _BLOCKS_A_STROKE:
+        return
+    angle, surely = (
+        values[: n_blocks * n_block].reshape(n_blocks, n_block).mean(axis=1)
+        for values in (lever.angle_rad, lever.angle_rad + 3.0 * lever.sd_rad)
+    )
+    # What is kept for a few blocks in a row: a bump or a gap while shaking is shorter.
+    farthest_rad = float(sliding_window_view(angle, _BLOCKS_A_STROKE).min(axis=1).max())
+    lowest_rad = float(sliding_window_view(surely, _BLOCKS_A_STROKE).max(axis=1).min())
+    if lowest_rad < -settings.min_backwards_rad and farthest_rad < -settings.backwards_share * lowest_rad:
+        detail = (
+            f"it goes {-np.degrees(lowest_rad):.0f} deg to the wrong side of shut; "
+            "are the sensors swapped, or is the profile's hinge_sign wrong?"
+        )
+        yield Flag("lever_backwards", SensorName.LEVER, detail), True
 
 
 def _counted(n: int, noun: str) -> str:
