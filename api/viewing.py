@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from api import following, models, present
+import orjson
+
+from api import following, models, present, report_page, verdicts
 from api.principal import Principal
 from api.problems import AmbiguousPatientError, NotFoundError
 from api.service import Service
-from api.store import Connection, listing, reviews, sessions
+from api.store import Connection, listing, people, reviews, sessions
 from api.store.listing import Filter, Order
 from api.store.reviews import Lease, Review
 from api.store.sessions import Session, StoredReport
@@ -51,6 +53,21 @@ def seen(service: Service, who: Principal, session_id: str, action: str) -> Sess
         session = sessions.find(connection, who.clinic_ids, session_id)
         service.audit.record(connection, session.clinic_id, who.actor, action, session.id)
     return session
+
+
+def report_page_view(service: Service, who: Principal, session_id: str) -> tuple[Session, str, str]:
+    """A session, and its report and review as the worker that makes their page takes them. Raises `NotFoundError`."""
+    with service.store.write() as connection:
+        found = read_session(connection, who, session_id)
+        if found.report is None:
+            raise NotFoundError(f"Session {session_id} is {found.session.state}.", state=found.session.state)
+        roles = people.roles_of(connection, {entry.reviewer_id for entry in found.entries})
+        service.audit.record(
+            connection, found.session.clinic_id, who.actor, "report.read", session_id, version=found.report.version
+        )
+    report = verdicts.report_of(found.report.body)
+    review = report_page.told(report, found.entries, found.report.id, service.rules, roles)
+    return found.session, found.report.body.decode(), orjson.dumps(review).decode()
 
 
 def review_view(service: Service, who: Principal, session_id: str) -> models.ReviewHistory:

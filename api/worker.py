@@ -21,9 +21,9 @@ import zstandard
 from api import tracks
 from inhalemon.devices import load_device
 from inhalemon.exceptions import InhalemonError, RecordingError
-from inhalemon.pipeline import PIPELINE_VERSION, estimate_tracks, report_of, score_recording
+from inhalemon.pipeline import PIPELINE_VERSION, estimate_tracks, score_recording
 from inhalemon.recording import read_recording_bytes
-from inhalemon.report import to_json
+from inhalemon.report import from_dict, to_json
 from inhalemon.rules import RuleSet, load_rules
 from inhalemon.settings import Settings
 from inhalemon.values import DeviceKind, ImuTrack, Recording
@@ -97,14 +97,20 @@ def _series(order: Order) -> Told:
 
 
 def _page(order: Order) -> Told:
-    from inhalemon.report.curves import session_panels  # noqa: PLC0415  # templates, seldom needed
+    """The page of a stored report, with the curves of its recording as they are estimated today."""
+    from api import report_page  # noqa: PLC0415  # with the page's templates, seldom needed
+    from inhalemon.report.curves import session_panels  # noqa: PLC0415
     from inhalemon.report.page import session_page  # noqa: PLC0415
 
-    recording, settings, rules = _recording(order), _settings(order["settings"]), _rules(str(order["rules"]))
+    recording = _recording(order)
     device = load_device(recording.device)
-    found = estimate_tracks(recording, settings, device=device)
-    report = report_of(found, settings, rules=rules, device=device)
-    return {}, session_page(report, session_panels(found, moving_part=device.moving_part)).encode()
+    panels = session_panels(
+        estimate_tracks(recording, _settings(order["settings"]), device=device), moving_part=device.moving_part
+    )
+    titles = {rule.id: rule.title for rule in _rules(str(order["rules"])).rules}
+    report = from_dict(orjson.loads(str(order["report"])))
+    review = report_page.read(orjson.loads(str(order["review"])))
+    return {}, session_page(report, panels, titles=titles, review=review).encode()
 
 
 _TASKS: Mapping[str, Callable[[Order], Told]] = {

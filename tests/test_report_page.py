@@ -13,10 +13,10 @@ from reports import made_dose, made_report
 from inhalemon import rotation
 from inhalemon.pipeline import estimate_tracks
 from inhalemon.report.curves import N_BUCKETS, Curve, Panel, reduced, session_panels
-from inhalemon.report.page import session_page
+from inhalemon.report.page import Review, ReviewEntry, session_page
 from inhalemon.report.plot import nice_step
 from inhalemon.simulate import simulate_session
-from inhalemon.values import DeviceKind, Finding, Measure, Quality, Score, Verdict
+from inhalemon.values import DeviceKind, Finding, Grade, Measure, Quality, Score, Verdict
 
 VOID = {"meta", "path", "rect", "link", "br", "img", "input"}
 
@@ -246,3 +246,44 @@ def test_page_zooms_reads_and_fits_in_a_real_browser(page, tmp_path, chromium, s
         tab.keyboard.press("0")
         assert tab.evaluate(f"{view}.width") == pytest.approx(whole[1])
     assert told == []
+
+
+# ---------------------------------------------------------------------------------------------------------- review
+
+TITLES = {"press_late": "Pressed too late", "not_shaken": "Not shaken"}
+
+
+def test_mistakes_have_titles_and_what_is_in_order_is_told_by_what_was_seen():
+    """`PASS not shaken` can be read as its opposite."""
+    page = Page(session_page(made_report(), titles=TITLES))
+    text = " ".join(page.text.split())
+    assert "major Pressed too late" in text
+    assert "in order Shaken" in text
+    assert "not shaken" not in text
+    assert "pass not" not in text.lower()
+
+
+def test_page_tells_the_review_and_the_result_that_holds():
+    report = made_report()
+    entries = [
+        ReviewEntry("kimura, clinician", "2026-11-22 06:30 UTC", "press_late", Verdict.PASS, "A <spacer> was used."),
+        ReviewEntry("kimura, clinician", "2026-11-22 06:31 UTC", "not_shaken", Verdict.PASS),
+        ReviewEntry("ito, pharmacist", "2026-11-22 06:32 UTC", reason="See again in March."),
+    ]
+    review = Review(Score(100, Grade.CORRECT), ["kimura, clinician, 2026-11-22 06:33 UTC"], entries)
+    text = " ".join(Page(session_page(report, titles=TITLES, review=review)).text.split())
+    for words in (
+        "correct 100 of 100 points",
+        "the machine: major mistakes, 85",
+        "Signed off by kimura, clinician, 2026-11-22 06:33 UTC",
+        "Pressed too late: in order (the machine: mistake): “A <spacer> was used.” kimura, clinician, 2026-11-22",
+        "Not shaken: in order, confirmed kimura, clinician",
+        "Comment: “See again in March.” ito, pharmacist",
+    ):
+        assert words in text, words
+
+
+def test_page_of_a_report_that_nobody_signed_says_so():
+    text = Page(session_page(made_report(), review=Review(made_report().score))).text
+    assert "Not signed off." in text
+    assert "the machine" not in text

@@ -153,10 +153,9 @@ async def score_again(request: Request, service: ServiceDep, who: Corrector, ses
     responses=dict(problems(404, 409, 500, 503)),
 )
 async def get_report_page(service: ServiceDep, who: Reader, session_id: SessionId) -> Response:
-    session = await run_in_threadpool(viewing.seen, service, who, session_id, "report.read")
-    if session.state == State.UNUSABLE:
-        raise ConflictError(f"Session {session.id} cannot be used; there is nothing to show.")
-    answer = await ask_worker(service, "page", session)
+    """The newest report as it is stored, with its review; the curves are those of its recording."""
+    session, report, review = await run_in_threadpool(viewing.report_page_view, service, who, session_id)
+    answer = await ask_worker(service, "page", session, report=report, review=review)
     return Response(answer.body, media_type="text/html", headers={"content-security-policy": REPORT_POLICY})
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from sqlalchemy import Connection, bindparam, delete, func, select, update
+from sqlalchemy import Connection, bindparam, delete, func, select, union_all, update
 
 from api.moments import SECOND_US, new_id, now_us
 from api.problems import ConflictError, NotFoundError
@@ -232,3 +232,12 @@ def revoke_key(connection: Connection, clinic_ids: Sequence[str], key_id: str) -
     if row["revoked_at_us"] is None:
         connection.execute(update(api_keys).where(api_keys.c.id == key_id).values(revoked_at_us=now_us()))
     return ApiKey(**row)
+
+
+def roles_of(connection: Connection, ids: Iterable[str]) -> dict[str, str]:
+    """The role of each of these people and keys that is still here."""
+    wanted = list(ids)
+    rows = connection.execute(
+        union_all(*(select(table.c.id, table.c.role).where(table.c.id.in_(wanted)) for table in (users, api_keys)))
+    )
+    return {row.id: row.role for row in rows}

@@ -45,4 +45,5 @@ def report(
     profile = profile or load_device(recording.device)
     tracks = estimate_tracks(recording, chosen, device=profile)
     panels = session_panels(tracks, moving_part=profile.moving_part)
-    write(session_page(report_of(tracks, chosen, rules=rule_set, device=profile), panels), out)
+    titles = {rule.id: rule.title for rule in rule_set.rules}
+    write(session_page(report_of(tracks, chosen, rules=rule_set, device=profile), panels, titles=titles), out)

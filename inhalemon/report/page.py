@@ -9,7 +9,8 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from html import escape
 from importlib import resources
 from typing import Final
@@ -31,13 +32,61 @@ _HEADINGS: Final = (
     (Verdict.NOT_ASSESSABLE, "Could not be assessed"),
     (Verdict.PASS, "In order"),
 )
+_TAGS: Final = {
+    Verdict.PASS: "in order",
+    Verdict.FAIL: "mistake",
+    Verdict.INDETERMINATE: "undecided",
+    Verdict.NOT_ASSESSABLE: "not assessable",
+}
 _KEYS: Final = "Curves. Arrow keys move, plus and minus zoom, 0 shows all."
 _N_TIME_TICKS: Final = 8
 _PLACE: Final = re.compile(r"\{\{([a-z_]+)\}\}")
 
 
-def session_page(report: Report, panels: Sequence[Panel] = ()) -> str:
-    """The page of one session, whole, as HTML; `panels` are its curves (see `curves.session_panels`)."""
+@dataclass(frozen=True, slots=True)
+class ReviewEntry:
+    """What one person said, of a rule or (a comment) of the session; without a `verdict`, in words only."""
+
+    who: str
+    when: str
+    rule: str | None = None
+    verdict: Verdict | None = None
+    reason: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Review:
+    """What people made of a report: the result that holds, who signed that off and when, and all that was said."""
+
+    score: Score
+    signed_off: Sequence[str] = ()
+    entries: Sequence[ReviewEntry] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Told:
+    """What the findings are told with."""
+
+    titles: Mapping[str, str] = field(default_factory=dict)
+    review: Review | None = None
+
+    def title(self, rule: str) -> str:
+        return self.titles.get(rule) or in_words(rule)
+
+
+def session_page(
+    report: Report,
+    panels: Sequence[Panel] = (),
+    *,
+    titles: Mapping[str, str] | None = None,
+    review: Review | None = None,
+) -> str:
+    """The page of one session, whole, as HTML.
+
+    `panels` are its curves (see `curves.session_panels`), `titles` what its rules are called, `review` what people made
+    of it.
+    """
+    told = _Told(titles or {}, review)
     script = _template("page.js")
     start_s, end_s = _extent(report, panels)
     places = {
@@ -47,11 +96,12 @@ def session_page(report: Report, panels: Sequence[Panel] = ()) -> str:
         "title": escape(report.session_id),
         "device": escape(_DEVICES[report.device]),
         "duration": f"{report.duration_s:.1f} s",
-        "score": _score(report.score),
+        "score": _result(report.score, review),
         "disclaimer": escape(DISCLAIMER),
         "warnings": _warnings(report),
         "curves": _curves(report, panels, start_s, end_s),
-        "findings": _doses(report),
+        "review": _review(report, told),
+        "findings": _doses(report, told),
         "measures": _measures(report),
         "versions": escape(
             f"inhalemon pipeline {report.pipeline_version}, settings {report.settings_digest[:12]}, "
@@ -84,6 +134,36 @@ def _score(score: Score) -> str:
         f'<p class="score {score.grade}"><strong>{escape(GRADES[score.grade])}</strong>'
         f" <span>{score.points} of 100 points</span></p>"
     )
+
+
+def _result(machine: Score, review: Review | None) -> str:
+    if review is None or review.score == machine:
+        return _score(machine)
+    return f"{_score(review.score)}<p><small>the machine: {GRADES[machine.grade]}, {machine.points}</small></p>"
+
+
+def _review(report: Report, told: _Told) -> str:
+    if told.review is None:
+        return ""
+    by_machine = {finding.rule: finding.verdict for finding in report.findings}
+    signed = [f'<p class="signed">Signed off by {escape(line)}</p>' for line in told.review.signed_off]
+    lines = "".join(
+        f"<li>{_said(entry, by_machine, told)} <small>{escape(entry.who)}, {escape(entry.when)}</small></li>"
+        for entry in told.review.entries
+    )
+    head = "".join(signed) or "<p>Not signed off.</p>"
+    return f"<section><h2>Review</h2>{head}{f'<ul>{lines}</ul>' if lines else ''}</section>"
+
+
+def _said(entry: ReviewEntry, by_machine: Mapping[str, Verdict], told: _Told) -> str:
+    reason = f": “{escape(entry.reason)}”" if entry.reason else ""
+    if entry.rule is None or entry.verdict is None:
+        return f"Comment{reason}"
+    title, machine = escape(told.title(entry.rule)), by_machine.get(entry.rule)
+    if machine is entry.verdict:
+        return f"{title}: {_TAGS[entry.verdict]}, confirmed{reason}"
+    instead = f" (the machine: {_TAGS[machine]})" if machine is not None else ""
+    return f"{title}: {_TAGS[entry.verdict]}{instead}{reason}"
 
 
 def _warnings(report: Report) -> str:
@@ -148,22 +228,22 @@ def _mark(event: Event, start_s: float, span_s: float) -> str:
 # -------------------------------------------------------------------------------------------------------- findings
 
 
-def _doses(report: Report) -> str:
+def _doses(report: Report, told: _Told) -> str:
     if len(report.doses) <= 1:
-        return _findings(report.findings, "h2")
+        return _findings(report.findings, told, "h2")
     note = f"<p>{len(report.doses)} doses were taken. The score above holds the worst verdict of each rule.</p>"
-    return note + "".join(_dose(i, dose) for i, dose in enumerate(report.doses, start=1))
+    return note + "".join(_dose(i, dose, told) for i, dose in enumerate(report.doses, start=1))
 
 
-def _dose(i: int, dose: Dose) -> str:
+def _dose(i: int, dose: Dose, told: _Told) -> str:
     span = f"{dose.start_s:.1f} to {dose.end_s:.1f} s"
     return (
         f'<section class="dose"><h2>Dose {i} <small>{span}</small></h2>{_score(dose.score)}'
-        f"{_findings(dose.findings, 'h3')}</section>"
+        f"{_findings(dose.findings, told, 'h3')}</section>"
     )
 
 
-def _findings(findings: Sequence[Finding], heading: str) -> str:
+def _findings(findings: Sequence[Finding], told: _Told, heading: str) -> str:
     unseen = tuple(finding for finding in findings if finding.reason == "not_observable")
     found = tuple(finding for finding in findings if finding.reason != "not_observable")
     if not found and not unseen:
@@ -171,8 +251,8 @@ def _findings(findings: Sequence[Finding], heading: str) -> str:
     parts = []
     for verdict, title in _HEADINGS:
         if verdict is Verdict.PASS:
-            parts.append(_unseen(unseen, heading))
-        items = [_finding(finding) for finding in found if finding.verdict is verdict]
+            parts.append(_unseen(unseen, told, heading))
+        items = [_finding(finding, told) for finding in found if finding.verdict is verdict]
         if verdict is Verdict.FAIL and not items:
             items = ["<li>None was found.</li>"]
         if items:
@@ -181,17 +261,20 @@ def _findings(findings: Sequence[Finding], heading: str) -> str:
     return "".join(parts)
 
 
-def _unseen(findings: Sequence[Finding], heading: str) -> str:
+def _unseen(findings: Sequence[Finding], told: _Told, heading: str) -> str:
     lines = "".join(
-        f"<li>{escape(in_words(f.rule))}: <small>{escape(f.message.removeprefix('Not assessed: '))}</small></li>"
+        f"<li>{escape(told.title(f.rule))}: <small>{escape(f.message.removeprefix('Not assessed: '))}</small></li>"
         for f in findings
     )
     return f'<{heading}>Never seen by these sensors</{heading}><ul class="unseen">{lines}</ul>' if lines else ""
 
 
-def _finding(finding: Finding) -> str:
-    tag = str(finding.severity) if finding.verdict is Verdict.FAIL else finding.verdict.replace("_", " ")
-    name = escape(in_words(finding.rule))
+def _finding(finding: Finding, told: _Told) -> str:
+    is_mistake = finding.verdict is Verdict.FAIL and finding.severity is not None
+    tag = str(finding.severity) if is_mistake else _TAGS[finding.verdict]
+    # A rule's title names the mistake: of what is in order, what was seen says so.
+    is_pass = finding.verdict is Verdict.PASS
+    name = escape(finding.message if is_pass else told.title(finding.rule))
     if finding.start_s is not None and finding.end_s is not None:
         span = f'data-start="{finding.start_s:.3f}" data-end="{finding.end_s:.3f}"'
         name = f'<button type="button" {span} title="Show it in the curves">{name}</button>'
@@ -200,11 +283,15 @@ def _finding(finding: Finding) -> str:
         numbers = f"<b>{number(finding.value, finding.unit)}</b>"
         if finding.limit is not None:
             numbers += f" <small>limit {number(finding.limit, finding.unit)}</small>"
-    words = escape(finding.message)
+    words = "" if is_pass else f"<p>{escape(finding.message)}</p>"
+    said = told.review.entries if told.review is not None else ()
+    for entry in said:
+        if entry.rule == finding.rule and entry.verdict not in (None, finding.verdict):
+            words += f'<p class="said">{_said(entry, {}, told)} <small>{escape(entry.who)}</small></p>'
     css = finding.severity if finding.verdict is Verdict.FAIL and finding.severity else finding.verdict
     return (
         f'<li class="{css}"><div><span class="tag">{escape(tag)}</span> {name} <span class="numbers">{numbers}</span>'
-        f"</div><p>{words}</p></li>"
+        f"</div>{words}</li>"
     )
 
 
@@ -215,11 +302,11 @@ def _measures(report: Report) -> str:
             continue
         unit = unit_of(name)
         sd = f"± {number(measure.sd, unit)}" if measure.sd is not None and measure.value is not None else ""
-        why = escape(in_words(measure.reason or "")) if measure.value is None else escape(MEASURES.get(name, ""))
-        css = ' class="why"' if measure.value is None else ""
-        cells = f"<td>{number(measure.value, unit)}</td><td>{sd}</td><td{css}>{why}</td>"
-        rows.append(f'<tr><th scope="row">{escape(name)}</th>{cells}</tr>')
+        why = escape(in_words(measure.reason or "")) if measure.value is None else ""
+        meaning = f"{escape(MEASURES.get(name, ''))}<br><code>{escape(name)}</code>"
+        cells = f"<td>{number(measure.value, unit)}</td><td>{sd}</td><td>{why}</td>"
+        rows.append(f'<tr><th scope="row">{meaning}</th>{cells}</tr>')
     if not rows:
         return "<p>Nothing was measured.</p>"
-    head = "".join(f'<th scope="col">{column}</th>' for column in ("measure", "value", "sd", "meaning"))
+    head = "".join(f'<th scope="col">{column}</th>' for column in ("measure", "value", "deviation", "why not"))
     return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from running import serving, settings_for
 
 from inhalemon.rules.scoring import POINTS
@@ -51,6 +53,9 @@ def test_a_new_report_opens_a_signed_session_again(tmp_path, recording):
         clinic.close()
     with serving(settings_for(tmp_path, None, workers=1, scoring_rules="strict")) as server:
         clinic = type(clinic)(server, slug)
+        page = clinic.client("clinician").get(f"/v1/sessions/{session['id']}/report.html").text
+        assert session["report"]["rules_digest"][:12] in page, "the page shows the report that is stored"
+        assert "Signed off by" in page
         assert clinic.client("clinician").post(f"/v1/sessions/{session['id']}/reports").status_code == 201
         assert read(clinic, session)["signed_off_at"] is None
         history = read(clinic, session, "/reviews")
@@ -155,3 +160,18 @@ def test_what_was_undone_gives_the_machines_result_back(clinic, upload):
     assert [told[name] for name in ("grade", "points", "mistakes")] == [
         session[name] for name in ("grade", "points", "mistakes")
     ]
+
+
+def test_the_page_of_a_report_tells_who_said_what_and_signed(clinic, upload):
+    session = upload(clinic, seed=66)
+    passed = next(each["rule"] for each in session["report"]["findings"] if each["verdict"] == "pass")
+    page = clinic.client("clinician").get(f"/v1/sessions/{session['id']}/report.html").text
+    assert "Not signed off." in page
+    write(clinic, session, kind="override", rule=passed, verdict="fail", reason="Seen on the video.")
+    write(clinic, session, role="pharmacist", kind="sign_off")
+    page = clinic.client("clinician").get(f"/v1/sessions/{session['id']}/report.html").text
+    assert "mistake (the machine: in order): “Seen on the video.”" in page
+    assert re.search(r"Signed off by [^<]+, pharmacist, \d{4}-\d\d-\d\d \d\d:\d\d UTC", page)
+    held = read(clinic, session)
+    assert f"{held['points']} of 100 points" in page
+    assert f"the machine: {session['grade'].replace('_', ' ')}, {session['points']}" in page
