@@ -98,10 +98,10 @@ def list_view(
         found = listing.page(connection, clinic_ids, narrowed, order, after, limit + 1)
         shown = found[:limit]
         mistakes = sessions.mistakes_of(connection, [each.id for each in shown])
-        for clinic_id in clinic_ids:
-            service.audit.record(
-                connection, clinic_id, who.actor, "sessions.listed", count=len(shown), by_patient=narrowed.is_of_patient
-            )
+        owners = [each.clinic_id for each in shown]
+        service.audit.record_listing(
+            connection, clinic_ids, who.actor, "sessions.listed", owners, by_patient=narrowed.is_of_patient
+        )
     last = listing.position(shown[-1], order) if len(found) > limit else None
     return models.SessionPage(
         items=[present.summary(each, mistakes[each.id]) for each in shown],
@@ -116,8 +116,8 @@ def queue_view(service: Service, who: Principal, *, clinic: str | None, limit: i
         found = reviews.queue(connection, clinic_ids, who.id, limit)
         ids = [each.id for each in found]
         mistakes, leases = sessions.mistakes_of(connection, ids), reviews.leases_of(connection, ids)
-        for clinic_id in clinic_ids:
-            service.audit.record(connection, clinic_id, who.actor, "queue.read", count=len(found))
+        owners = [each.clinic_id for each in found]
+        service.audit.record_listing(connection, clinic_ids, who.actor, "queue.read", owners)
     return models.Queue(items=[present.queue_item(each, mistakes[each.id], leases.get(each.id)) for each in found])
 
 

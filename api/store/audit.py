@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import hmac
 import json
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 
 from sqlalchemy import Connection, bindparam, func, select, update
@@ -67,6 +68,20 @@ class AuditLog:
         entry = AuditEntry(clinic_id, seq, at_us, actor, action, subject, text, mark)
         connection.execute(_APPEND, {name: getattr(entry, name) for name in _NAMES})
         connection.execute(_MOVE_HEAD, {"of_clinic": clinic_id, "seq": seq, "hash": mark})
+
+    def record_listing(
+        self,
+        connection: Connection,
+        clinic_ids: Sequence[str],
+        actor: str,
+        action: str,
+        shown: Iterable[str],
+        **detail: object,
+    ) -> None:
+        """One entry for each clinic that was looked into: how many of `shown` (a clinic for each thing) are its own."""
+        counts = Counter(shown)
+        for clinic_id in clinic_ids:
+            self.record(connection, clinic_id, actor, action, None, count=counts[clinic_id], **detail)
 
     def _hash(self, before: bytes, *content: object) -> bytes:
         canonical = json.dumps(content, ensure_ascii=False, separators=(",", ":")).encode()

@@ -124,6 +124,27 @@ def test_a_pharmacist_sees_the_clinics_assigned_and_no_other(server, new_clinic,
         assert [client.get(f"/v1/sessions/{each}").status_code for each in ids] == [200, 200, 404]
 
 
+def test_the_audit_tells_each_clinic_of_its_own_sessions_and_of_no_others(server, new_clinic, upload):
+    """A pharmacist's look at several clinics must not carry identifiers or counts from one into another's chain."""
+    ours, theirs = new_clinic(), new_clinic()
+    own = [upload(ours, seed=seed, patient_ref="P-31")["id"] for seed in (23, 24)]
+    other = upload(theirs, seed=25, patient_ref="P-31")["id"]
+    upload(theirs, seed=26, patient_ref="P-32")
+    name = f"pharmacist-{ours.slug}"
+    operations.add_user(server.service, name, Role.PHARMACIST, [ours.slug, theirs.slug], "correct horse battery")
+    with logged_in(server, name, "correct horse battery") as client:
+        for clinic in (ours, theirs):
+            assert client.get("/v1/patients/P-31/progress", params={"clinic": clinic.slug}).status_code == 200
+        assert client.get("/v1/sessions").status_code == 200
+        assert client.get("/v1/review-queue").status_code == 200
+    for clinic, ids in ((ours, own), (theirs, [other])):
+        told = clinic.client("administrator").get("/v1/audit").json()["items"]
+        entries = {each["action"]: each["detail"] for each in told if each["actor"] == f"user:{name}"}
+        assert sorted(entries["patient.read"]["sessions"]) == sorted(ids)
+        assert entries["sessions.listed"]["count"] == entries["queue.read"]["count"] == len(ids)
+        assert not any(each in str(told) for each in (own if clinic is theirs else [other]))
+
+
 # ------------------------------------------------------------------------------------------ keys
 
 
