@@ -9,18 +9,20 @@ import orjson
 from starlette.concurrency import run_in_threadpool
 
 from api import erasing
-from api.moments import from_iso, new_id
+from api.moments import new_id, recorded
 from api.principal import Principal
 from api.problems import InvalidError, NotFoundError, UnusableRecordingError
-from api.pseudonym import checked
+from api.pseudonym import checked, checked_session_id
 from api.scoring import Scorer
 from api.service import Service
+from api.settings import ServiceSettings
 from api.store import sessions
 from api.store.sessions import Session, State, StoredReport
 from api.uploads import Received, Upload
 from inhalemon.values import DeviceKind
 
 _SHORT = ("device", "patient_ref", "recorded_at", "session_id")
+_KNOWN = frozenset({"format", "sensors", *_SHORT})
 _MAX_TEXT = 200
 
 
@@ -47,7 +49,7 @@ class Taken:
 # ------------------------------------------------------------------------------------------ metadata
 
 
-def metadata_of(upload: Upload, query: Mapping[str, str], *, allow_names: bool) -> list[Metadata]:
+def metadata_of(upload: Upload, query: Mapping[str, str], settings: ServiceSettings) -> list[Metadata]:
     """The metadata of each recording. Raises `InvalidError`.
 
     The k-th `metadata` part belongs to the k-th recording; a single one, and what stands in the query or in fields of
@@ -70,7 +72,7 @@ def metadata_of(upload: Upload, query: Mapping[str, str], *, allow_names: bool) 
                 short[name] = value.decode()
             except UnicodeDecodeError as error:
                 raise InvalidError(f"{name} is not UTF-8.") from error
-    return [_metadata(short | part, allow_names=allow_names) for part in parts]
+    return [_metadata(short | part, settings) for part in parts]
 
 
 def _parsed(text: bytes) -> dict[str, object]:
@@ -83,21 +85,31 @@ def _parsed(text: bytes) -> dict[str, object]:
     return found
 
 
-def _metadata(fields: Mapping[str, object], *, allow_names: bool) -> Metadata:
+def _metadata(fields: Mapping[str, object], settings: ServiceSettings) -> Metadata:
+    if unknown := sorted(fields.keys() - _KNOWN):  # where a name would hide; what is not known is not kept
+        raise InvalidError(
+            f"metadata has fields that are not known here; leave out all but {', '.join(sorted(_KNOWN))}.",
+            column="metadata",
+            code="unknown_metadata",
+            unknown=[each[:40] for each in unknown[:10]],
+        )
     values = {name: _text(fields, name) for name in _SHORT}
     if values["device"] is not None and values["device"] not in tuple(DeviceKind):
         raise InvalidError(
             f"device is {values['device']!r}; expected {', '.join(DeviceKind)}.", column="device", code="unknown_device"
         )
+    recorded_at_us = _moment(values["recorded_at"])
     if values["patient_ref"] is not None:
-        values["patient_ref"] = checked(values["patient_ref"], allow_names=allow_names)
+        values["patient_ref"] = checked(values["patient_ref"], settings)
+    if values["session_id"] is not None:
+        values["session_id"] = checked_session_id(values["session_id"], settings, recorded_at_us)
     given = dict(fields) | {name: value for name, value in values.items() if value is not None}
     return Metadata(
         sidecar=orjson.dumps(given) if given else None,
         device=values["device"],
         patient_ref=values["patient_ref"],
         session_ref=values["session_id"],
-        recorded_at_us=_moment(values["recorded_at"]),
+        recorded_at_us=recorded_at_us,
     )
 
 
@@ -114,10 +126,11 @@ def _moment(text: str | None) -> int | None:
     if text is None:
         return None
     try:
-        return from_iso(text)
+        return recorded(text)
     except (ValueError, OverflowError) as error:
         raise InvalidError(
-            f"recorded_at is {text!r}; expected ISO 8601, such as 2026-11-20T08:30:00+09:00.", column="recorded_at"
+            f"recorded_at is {text!r}; expected ISO 8601 from 1990 to now, such as 2026-11-20T08:30:00+09:00.",
+            column="recorded_at",
         ) from error
 
 

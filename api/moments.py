@@ -9,6 +9,9 @@ from datetime import UTC, datetime, timedelta
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MICROSECOND = timedelta(microseconds=1)
+_FIRST_US = (datetime(1, 1, 1, tzinfo=UTC) - _EPOCH) // _MICROSECOND
+_LAST_US = (datetime(9999, 12, 31, 23, 59, 59, tzinfo=UTC) - _EPOCH) // _MICROSECOND
+_OLDEST_RECORDING_US = (datetime(1990, 1, 1, tzinfo=UTC) - _EPOCH) // _MICROSECOND
 
 SECOND_US = 1_000_000
 DAY_US = 86_400 * SECOND_US
@@ -21,19 +24,25 @@ def now_us() -> int:
 
 def to_iso(moment_us: int) -> str:
     """`2026-11-20T08:30:00.000000Z`: of equal length, so that text sorts as time does."""
-    return (_EPOCH + timedelta(microseconds=moment_us)).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+    return to_datetime(moment_us).isoformat(timespec="microseconds").replace("+00:00", "Z")
 
 
-def from_iso(text: str) -> int:
-    """Microseconds since 1970. A moment without an offset is UTC. Raises `ValueError`."""
-    moment = datetime.fromisoformat(text)
-    if moment.tzinfo is None:
-        moment = moment.replace(tzinfo=UTC)
-    return (moment - _EPOCH) // _MICROSECOND
+def from_datetime(moment: datetime) -> int:
+    """Microseconds since 1970. A moment without an offset is UTC."""
+    return (moment.replace(tzinfo=moment.tzinfo or UTC) - _EPOCH) // _MICROSECOND
+
+
+def recorded(text: str) -> int:
+    """When something was recorded, in microseconds since 1970. Raises `ValueError`, also when that cannot be."""
+    found = from_datetime(datetime.fromisoformat(text))
+    if not _OLDEST_RECORDING_US <= found <= now_us() + DAY_US:
+        raise ValueError("before 1990, or in the future")
+    return found
 
 
 def to_datetime(moment_us: int) -> datetime:
-    return _EPOCH + timedelta(microseconds=moment_us)
+    """The moment; one beyond the calendar's ends is its end, so that whatever is stored can be read."""
+    return _EPOCH + timedelta(microseconds=min(max(moment_us, _FIRST_US), _LAST_US))
 
 
 def new_id() -> str:

@@ -121,6 +121,6 @@ def add_samples(service: Service, folder: Path) -> int:
             suffix = next(each for each in SUFFIXES if path.name.endswith(each))
             one = Received(incoming, path.name, "", None, suffix)
             upload = Upload([one], {"metadata": [sidecar.read_bytes()]} if sidecar.is_file() else {})
-            (metadata,) = metadata_of(upload, {}, allow_names=False)
+            (metadata,) = metadata_of(upload, {}, service.settings)
             n_new += store(service, ACTOR, clinic_id, one, metadata, first_try_s=0.0)[1]
     return n_new

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import orjson
 import structlog
@@ -11,7 +13,7 @@ from starlette.concurrency import run_in_threadpool
 
 from api import verdicts
 from api.jobs import Answer, CrashedError, DeadlineError, SaturatedError
-from api.moments import SECOND_US, from_iso, now_us, to_iso
+from api.moments import SECOND_US, now_us, recorded, to_iso
 from api.problems import (
     BusyError,
     InvalidError,
@@ -20,8 +22,9 @@ from api.problems import (
     ScoringFailedError,
     UnusableRecordingError,
 )
-from api.pseudonym import checked
+from api.pseudonym import checked, checked_session_id
 from api.service import Service
+from api.settings import ServiceSettings
 from api.store import Connection, chores, reviews, sessions
 from api.store.sessions import Session, StoredReport
 
@@ -29,6 +32,36 @@ log = structlog.get_logger(__name__)
 
 Scored = tuple[Session, StoredReport]
 _BACKOFF_S = (2.0, 10.0, 60.0, 300.0, 1800.0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Told:
+    """What the recording says of itself, by what came beside it or from within the file."""
+
+    session_ref: str | None
+    patient_ref: str | None
+    recorded_at_us: int | None
+
+
+def _told_within(found: Mapping[str, object], session: Session, settings: ServiceSettings) -> _Told:
+    """What only the file tells. Raises `UnusableRecordingError`: one that itself tells a name must not be kept."""
+    recorded_at = _text(found.get("recorded_at")) if session.recorded_at_us is None else None
+    session_ref = _text(found.get("session_ref")) if session.session_ref is None else None
+    patient_ref = _text(found.get("patient_ref")) if session.patient_ref is None else None
+    try:
+        recorded_at_us = None if recorded_at is None else recorded(recorded_at)
+    except ValueError as error:
+        raise UnusableRecordingError(
+            f"recorded_at is {recorded_at!r}; expected a time from 1990 to now.", column="recorded_at"
+        ) from error
+    try:
+        return _Told(
+            None if session_ref is None else checked_session_id(session_ref, settings, recorded_at_us),
+            None if patient_ref is None else checked(patient_ref, settings),
+            recorded_at_us,
+        )
+    except InvalidError as error:
+        raise UnusableRecordingError(error.detail, headers=None, **error.extra) from error
 
 
 class Scorer:
@@ -78,13 +111,7 @@ class Scorer:
     def _keep(self, session: Session, answer: Answer, actor: str) -> Scored:
         service = self._service
         found = answer.head
-        patient_ref = _text(found.get("patient_ref"))
-        if patient_ref is not None and session.patient_ref is None:  # from within the file
-            try:
-                patient_ref = checked(patient_ref, allow_names=service.settings.allow_names)
-            except InvalidError as error:  # then the file itself tells the name, and must not be kept
-                raise UnusableRecordingError(error.detail, code="patient_ref_not_pseudonymous") from error
-        recorded_at = _text(found.get("recorded_at"))
+        told = _told_within(found, session, service.settings)
         with service.store.write() as connection:
             session = sessions.find(connection, (session.clinic_id,), session.id, lock=True)
             entries = reviews.history(connection, session.id) if session.n_reviews else []
@@ -94,9 +121,9 @@ class Scorer:
                 answer.body,
                 verdicts.outcome(verdicts.report_of(answer.body), entries, service.rules),
                 device=str(found["device"]),
-                session_ref=_text(found.get("session_ref")),
-                patient_ref=patient_ref,
-                recorded_at_us=None if recorded_at is None else from_iso(recorded_at),
+                session_ref=told.session_ref,
+                patient_ref=told.patient_ref,
+                recorded_at_us=told.recorded_at_us,
             )
             service.audit.record(
                 connection,

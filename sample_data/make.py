@@ -88,7 +88,7 @@ def make(folder: Path) -> list[Truth]:
             n_doses=sample.n_doses,
             session_id=session_id,
         )
-        recording = dataclasses.replace(recording, recorded_at=f"2026-11-{sample.seed:02d}T08:30:00+09:00")
+        recording = dataclasses.replace(recording, recorded_at=f"2025-11-{sample.seed:02d}T08:30:00+09:00")
         write_recording(recording, folder / sample.file)
         truth.write_labels(folder / sample.file)
         expected[session_id] = {"grade": expected_grade(truth.mistakes).value, "mistakes": list(truth.mistakes)}

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Annotated, Literal
 
 from fastapi import Depends, Query
 from pydantic import BeforeValidator
 
-from api.moments import from_iso
+from api.moments import from_datetime
 from api.store.listing import Filter
 from api.store.sessions import State
 from inhalemon.values import DeviceKind, Grade, Verdict
@@ -44,15 +44,9 @@ async def _filter(
         rule=rule,
         verdict=verdict,
         reviewed=reviewed,
-        since_us=_moment(since),
-        until_us=_moment(until),
+        since_us=None if since is None else from_datetime(since),
+        until_us=None if until is None else from_datetime(until),
     )
 
 
 FilterDep = Annotated[Filter, Depends(_filter)]
-
-
-def _moment(at: datetime | None) -> int | None:
-    if at is None:
-        return None
-    return from_iso((at if at.tzinfo else at.replace(tzinfo=UTC)).isoformat())

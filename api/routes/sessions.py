@@ -67,7 +67,7 @@ def correct_session(
 ) -> SessionSummary:
     ref = None
     if given.patient_ref is not None:
-        ref = checked(given.patient_ref, allow_names=service.settings.allow_names)
+        ref = checked(given.patient_ref, service.settings)
     with service.store.write() as connection:
         session = sessions.find(connection, who.clinic_ids, session_id, lock=True)
         sidecar = orjson.loads(session.sidecar or b"{}") | {"patient_ref": ref}

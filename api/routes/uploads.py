@@ -77,7 +77,7 @@ async def upload_session(request: Request, service: ServiceDep, who: Uploader, c
     """
     clinic_id = who.one_clinic(clinic)
     async with received(request, service.files, service.settings) as upload:
-        metadata = intake.metadata_of(upload, request.query_params, allow_names=service.settings.allow_names)
+        metadata = intake.metadata_of(upload, request.query_params, service.settings)
         once = Once(service, who, request, _fingerprint(upload, metadata))
         if (before := await once.begin()) is not None:
             return before

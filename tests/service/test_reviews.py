@@ -106,7 +106,7 @@ def test_the_queue_gives_each_session_to_one_reviewer_at_a_time(clinic, upload):
 
 def test_the_queue_begins_with_the_worst_and_of_these_the_oldest(clinic, upload):
     for seed, day in ((43, "03"), (44, "01"), (45, "02")):
-        upload(clinic, seed=seed, recorded_at=f"2026-11-{day}T10:00:00Z")
+        upload(clinic, seed=seed, recorded_at=f"2025-11-{day}T10:00:00Z")
     items = [each["session"] for each in clinic.client("clinician").get("/v1/review-queue").json()["items"]]
     rank = ["critical_mistakes", "major_mistakes", "not_assessable", "minor_mistakes", "correct"]
     keys = [(rank.index(each["grade"]), each["recorded_at"]) for each in items]
@@ -202,8 +202,8 @@ def test_agreement_counts_what_machine_and_reviewer_said(clinic, upload):
 
 
 def test_a_patients_progress_is_in_order_of_time_and_after_review(clinic, upload):
-    late = upload(clinic, seed=49, patient_ref="P-9", recorded_at="2026-11-20T10:00:00Z")
-    early = upload(clinic, seed=50, patient_ref="P-9", recorded_at="2026-11-01T10:00:00Z")
+    late = upload(clinic, seed=49, patient_ref="P-9", recorded_at="2025-11-20T10:00:00Z")
+    early = upload(clinic, seed=50, patient_ref="P-9", recorded_at="2025-11-01T10:00:00Z")
     upload(clinic, seed=51, patient_ref="P-10")
     rule = a_rule(early, "pass", "not_assessable", "indeterminate")
     write(clinic, early, kind="add", rule=rule, reason="seen on video")

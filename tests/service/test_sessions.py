@@ -9,14 +9,17 @@ import struct
 
 import numpy as np
 import pytest
+from sqlalchemy import update
 
 from api import series
 from api.channels import CHANNELS
+from api.moments import DAY_US
+from api.store import tables
 
 
 def test_pages_hold_every_session_once_in_order(clinic, upload):
     for n, seed in enumerate(range(60, 67)):
-        upload(clinic, seed=seed, recorded_at=f"2026-10-{10 + n // 2}T10:00:00Z")  # equal moments too
+        upload(clinic, seed=seed, recorded_at=f"2025-10-{10 + n // 2}T10:00:00Z")  # equal moments too
     client = clinic.client("clinician")
     for order, key, is_falling in (
         ("-recorded", "recorded_at", True),
@@ -54,8 +57,8 @@ def test_a_cursor_is_good_for_its_own_listing_only(clinic, other_clinic, upload)
 
 
 def test_a_list_is_narrowed_by_everything_it_says(clinic, upload):
-    pmdi = upload(clinic, seed=71, patient_ref="P-1", recorded_at="2026-01-02T00:00:00Z")
-    ellipta = upload(clinic, seed=72, device="ellipta", patient_ref="P-2", recorded_at="2026-02-02T00:00:00Z")
+    pmdi = upload(clinic, seed=71, patient_ref="P-1", recorded_at="2025-01-02T00:00:00Z")
+    ellipta = upload(clinic, seed=72, device="ellipta", patient_ref="P-2", recorded_at="2025-02-02T00:00:00Z")
     never = next(f["rule"] for f in ellipta["report"]["findings"] if f["rule"] == "vents_blocked")
 
     def ids(**params):
@@ -68,8 +71,8 @@ def test_a_list_is_narrowed_by_everything_it_says(clinic, upload):
     assert ids(grade=pmdi["grade"]) >= {pmdi["id"]}
     assert ids(rule=never, verdict="not_assessable") == {ellipta["id"]}
     assert ids(rule=never, verdict="fail") == set()
-    assert ids(since="2026-02-01T00:00:00Z") == {ellipta["id"]}
-    assert ids(until="2026-02-01") == {pmdi["id"]}
+    assert ids(since="2025-02-01T00:00:00Z") == {ellipta["id"]}
+    assert ids(until="2025-02-01") == {pmdi["id"]}
     assert ids(state="unscored") == set()
 
 
@@ -190,9 +193,36 @@ def test_the_export_holds_every_session_in_both_forms(clinic, upload):
 
 
 def test_a_patient_is_in_no_log(clinic, upload, capfd):
-    upload(clinic, seed=78, patient_ref="P-SECRET-99")
-    clinic.client("clinician").get("/v1/patients/P-SECRET-99/progress")
-    clinic.client("clinician").get("/v1/sessions", params={"patient": "P-SECRET-99"})
+    upload(clinic, seed=78, patient_ref="P-7731-99")
+    clinic.client("clinician").get("/v1/patients/P-7731-99/progress")
+    clinic.client("clinician").get("/v1/sessions", params={"patient": "P-7731-99"})
     told = "".join(capfd.readouterr())
     assert "/v1/patients/{ref}/progress" in told, "there is a log"
-    assert "SECRET" not in told
+    assert "7731-99" not in told
+
+
+@pytest.mark.parametrize("moment", ["0001-01-01T00:00:00+14:00", "9999-12-31T23:59:59-12:00", "1970-01-01"])
+def test_any_moment_can_be_asked_for(clinic, upload, moment):
+    upload(clinic, seed=79)
+    for name in ("since", "until"):
+        assert clinic.client("clinician").get("/v1/sessions", params={name: moment}).status_code == 200
+
+
+def test_a_stored_moment_beyond_the_calendar_can_be_read(clinic, upload):
+    """Such as one that an earlier version took."""
+    session = upload(clinic, seed=79)["id"]
+    beyond_us = 4_000_000 * DAY_US
+    with clinic.server.service.store.write() as connection:
+        changes = {"recorded_at_us": beyond_us, "happened_at_us": beyond_us}
+        connection.execute(update(tables.sessions).where(tables.sessions.c.id == session).values(changes))
+    client = clinic.client("clinician")
+    for path in (
+        "/v1/sessions",
+        f"/v1/sessions/{session}",
+        "/v1/review-queue",
+        "/v1/export",
+        f"/v1/sessions/{session}/fhir",
+    ):
+        answer = client.get(path)
+        assert answer.status_code == 200, path
+        assert "9999-12-31" in answer.text
