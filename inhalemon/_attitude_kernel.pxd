@@ -48,7 +48,8 @@ cdef class AttitudeFilter:
     @cython.locals(
         errors=Errors, q=cython.p_double, a=cython.p_double, e=cython.p_double, g=cython.p_double, c=double, hx=double, hy=double,
         hz=double, ux=double, uy=double, uz=double, gx=double, gy=double, gz=double,
-        r00=double, r01=double, r02=double, r10=double, r11=double, r12=double, fx=double, fy=double, fz=double)
+        r00=double, r01=double, r02=double, r10=double, r11=double, r12=double, fx=double, fy=double, fz=double,
+        i=cython.Py_ssize_t)
     cpdef void step(
         self, double dt, double wx, double wy, double wz, double ax, double ay, double az, int flags, double r_given
     ) noexcept

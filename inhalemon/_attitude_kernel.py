@@ -282,6 +282,12 @@ class AttitudeFilter:
         if self.started_s < self.start_s:
             self.start(dt, ax, ay, az)
             self.look_for_rest(dt, wx, wy, wz, ax, ay, az)
+            if self.rest_s >= self.rest_min_s:  # the gyro reads its bias, whatever was thought before
+                self.has_rested = True
+                for i in range(3):
+                    self.b[i] = self.rest_w[i]
+                    errors.p[17 * (4 + i)] = self.rest_bias_q / self.rest_s
+                self.take_rate()
             c = self.tilt_var / (1.0 + self.tilt_var * 48.0 * self.started_s * self.started_s / self.velocity_var)
             errors.p[0] = c
             errors.p[17] = c

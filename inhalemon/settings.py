@@ -158,7 +158,7 @@ class AttitudeSettings:
     # rest, where the gyro reads its bias
     rest_rate_rad_s: float = math.radians(1.0)  # the largest deviation from the mean of a rest
     rest_acc_m_s2: float = 0.3
-    rest_min_s: float = 0.7
+    rest_min_s: float = 0.5
     rest_bias_rad_sqrt_s: float = math.radians(0.05)
     rest_bias_gate_rad_s: float = math.radians(1.0)
     rest_r_m_sqrt_s: float = 0.02

@@ -8,7 +8,6 @@ in `tests/authorities/` (`python -m validation.hinge --save`).
 from __future__ import annotations
 
 import json
-import math
 import subprocess
 import sys
 import tempfile
@@ -42,16 +41,7 @@ QMT_SETTINGS: dict[str, dict[str, dict[str, str | float]]] = {
         "tuned": {"constraint": "proj", "windowTime": 8.0, "tauDelta": 5.0, "tauBias": 5.0, "alignment": "backward"},
     },
 }
-BIAS_REMOVED_RAD_S = math.radians(
-    0.5
-)  # what VQF takes for known at the start, too; the rest's bias is removed for every method
-
-
-def _told(settings: Settings) -> Settings:
-    return replace(settings, attitude=replace(settings.attitude, sd_start_bias_rad_s=BIAS_REMOVED_RAD_S))
-
-
-SETTINGS = {"finished": _told(Settings()), "under way": _told(Settings.causal())}
+SETTINGS = {"finished": Settings(), "under way": Settings.causal()}
 REST_S = 0.75  # what the recordings have of rest at their start
 AXIS_ERROR = from_rotation_vector(np.radians(5.0) * np.array([0.0, 0.6, 0.8]))
 
@@ -236,7 +226,6 @@ def _peers_table(data: Path) -> Table:
             )
     notes = [
         "The robot's accelerometers are uncalibrated (|g| reads 9.45).",
-        "Our attitude is told that the bias was removed (0.5 deg/s at the start, VQF's default).",
         "The third joint stands upright for its first 3 s, which show no heading: most of its error under way.",
     ]
     if any(row[3] is None for row in rows):
