@@ -11,12 +11,12 @@ from starlette.concurrency import run_in_threadpool
 from api import erasing
 from api.moments import new_id, recorded
 from api.principal import Principal
-from api.problems import InvalidError, NotFoundError, UnusableRecordingError
+from api.problems import InvalidError, KnownBytesError, NotFoundError, UnusableRecordingError
 from api.pseudonym import checked, checked_session_id
 from api.scoring import Scorer
 from api.service import Service
 from api.settings import ServiceSettings
-from api.store import sessions
+from api.store import Connection, chores, sessions
 from api.store.sessions import Session, State, StoredReport
 from api.uploads import Received, Upload
 from inhalemon.values import DeviceKind
@@ -142,7 +142,8 @@ async def take(
 ) -> Taken:
     """Store one recording and score it. Bytes that this clinic already has are not stored or scored again.
 
-    Raises `DiskFullError`, `UnusableRecordingError` (nothing is kept), `BusyError`, `ScoringFailedError` (it is kept).
+    Raises `DiskFullError`, `UnusableRecordingError` (nothing is kept), `BusyError`, `ScoringFailedError` (it is kept),
+    `KnownBytesError`.
     """
     session, is_new = await run_in_threadpool(store, service, who.actor, clinic_id, one, metadata)
     service.metrics.uploads.labels("new" if is_new else "known").inc()
@@ -171,7 +172,10 @@ def store(
     first_try_s: float | None = None,
 ) -> tuple[Session, bool]:
     """The stored session, durable, and whether it is new. Whoever stores it scores it; the background does after
-    `first_try_s`, by default when that must have come to nothing. Raises `DiskFullError`.
+    `first_try_s`, by default when that must have come to nothing.
+
+    Known bytes that are not scored yet, or could not be, take the new metadata; of a scored session other metadata are
+    refused. Raises `DiskFullError`, `KnownBytesError`.
     """
     if first_try_s is None:
         first_try_s = 2 * service.settings.score_deadline_s
@@ -195,9 +199,49 @@ def store(
                 uploaded_by=actor,
                 first_try_s=first_try_s,
             )
+            differing = () if is_new else _differing(session, metadata)
+            if differing and session.state == State.SCORED:
+                raise KnownBytesError(session.id, differing)
+            if differing:
+                session = _described(connection, session, metadata, first_try_s)
             action = "session.uploaded" if is_new else "session.uploaded_again"
             service.audit.record(connection, clinic_id, actor, action, session.id, n_bytes=session.n_bytes)
     return session, is_new
+
+
+def _differing(session: Session, metadata: Metadata) -> list[str]:
+    """What the metadata give otherwise than the session has it, by name; what they leave out contradicts nothing."""
+    held = _sidecar(session.sidecar) | {
+        "device": session.device,
+        "patient_ref": session.patient_ref,
+        "recorded_at": session.recorded_at_us,
+        "session_id": session.session_ref,
+    }
+    given = _sidecar(metadata.sidecar)
+    if metadata.recorded_at_us is not None:
+        given["recorded_at"] = metadata.recorded_at_us
+    return sorted(name for name, value in given.items() if held.get(name) != value)
+
+
+def _described(connection: Connection, session: Session, metadata: Metadata, first_try_s: float) -> Session:
+    """The session with new metadata where they say something, due to be scored."""
+    recorded_at_us = metadata.recorded_at_us or session.recorded_at_us
+    chores.forget_answers(connection, session.id)  # they tell of the old metadata
+    return sessions.describe(
+        connection,
+        session,
+        sidecar=orjson.dumps(_sidecar(session.sidecar) | _sidecar(metadata.sidecar)),
+        session_ref=metadata.session_ref or session.session_ref,
+        device=metadata.device or session.device,
+        patient_ref=metadata.patient_ref or session.patient_ref,
+        recorded_at_us=recorded_at_us,
+        first_try_s=first_try_s,
+    )
+
+
+def _sidecar(content: bytes | None) -> dict[str, object]:
+    found: dict[str, object] = orjson.loads(content or b"{}")
+    return found
 
 
 def _newest(service: Service, session: Session) -> StoredReport:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, StrictBool, StringConstraints
+from pydantic import BaseModel, ConfigDict, Field, StrictBool, StringConstraints, model_validator
 
 from api.principal import Role, Scope
 from api.store.reviews import ReviewKind
@@ -195,8 +195,17 @@ class UploadItems(_Out):
     items: list[UploadItem]
 
 
-class PatientCorrection(_In):
-    patient_ref: str | None = Field(examples=["P-0043"])
+class SessionCorrection(_In):
+    """What is left out stays; a `patient_ref` of null takes the patient away."""
+
+    patient_ref: Annotated[str | None, Field(examples=["P-0043"])] = None
+    device: Annotated[DeviceKind, Field(description="the session is scored again as this one's")] = DeviceKind.PMDI
+
+    @model_validator(mode="after")
+    def _says_something(self) -> Self:
+        if not self.model_fields_set:
+            raise ValueError("expected patient_ref, device or both")
+        return self
 
 
 # ------------------------------------------------------------------------------------------ reviews

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import orjson
 import structlog
@@ -69,30 +69,34 @@ class Scorer:
 
     def __init__(self, service: Service) -> None:
         self._service = service
-        self._under_way: dict[str, asyncio.Task[Scored]] = {}
+        self._under_way: dict[tuple[str, bytes | None], asyncio.Task[Scored]] = {}
 
-    async def score(self, session: Session, actor: str, *, in_background: bool = False) -> Scored:
-        """The session as it now stands, and its new report.
+    async def score(
+        self, session: Session, actor: str, *, in_background: bool = False, device: str | None = None
+    ) -> Scored:
+        """The session as it now stands, and its new report; `device` corrects its device, if it can be scored as that.
 
         Raises `BusyError`, `ScoringFailedError`, `UnusableRecordingError`. A caller who leaves does not stop it.
         """
-        task = self._under_way.get(session.id)
+        wanted = session if device is None else replace(session, sidecar=_with_device(session.sidecar, device))
+        key = (session.id, wanted.sidecar)
+        task = self._under_way.get(key)
         if task is None:
-            task = asyncio.create_task(self._score(session, actor, in_background=in_background))
-            self._under_way[session.id] = task
-            task.add_done_callback(lambda _: self._under_way.pop(session.id, None))
+            task = asyncio.create_task(self._score(wanted, actor, in_background=in_background, device=device))
+            self._under_way[key] = task
+            task.add_done_callback(lambda _: self._under_way.pop(key, None))
         return await asyncio.shield(task)
 
     async def finish(self) -> None:
         """Wait for what is under way."""
         await asyncio.gather(*self._under_way.values(), return_exceptions=True)
 
-    async def _score(self, session: Session, actor: str, *, in_background: bool) -> Scored:
+    async def _score(self, session: Session, actor: str, *, in_background: bool, device: str | None) -> Scored:
         started_s = time.perf_counter()
         outcome = "failed"
         try:
             answer = await ask_worker(self._service, "score", session, in_background=in_background)
-            kept = await run_in_threadpool(self._keep, session, answer, actor)
+            kept = await run_in_threadpool(self._keep, session, answer, actor, device)
             outcome = "scored"
             return kept
         except BusyError:
@@ -101,19 +105,26 @@ class Scorer:
             raise
         except ProblemError as problem:
             outcome = problem.kind
-            await run_in_threadpool(self._note, session, problem)
+            if device is None:  # otherwise nothing was corrected, and the session is as it was
+                await run_in_threadpool(self._note, session, problem)
             raise
         finally:
             duration_s = time.perf_counter() - started_s
             self._service.metrics.scorings.labels(outcome).observe(duration_s)
             log.info("scored", session=session.id, outcome=outcome, duration_ms=round(duration_s * 1000))
 
-    def _keep(self, session: Session, answer: Answer, actor: str) -> Scored:
+    def _keep(self, session: Session, answer: Answer, actor: str, device: str | None) -> Scored:
         service = self._service
         found = answer.head
         told = _told_within(found, session, service.settings)
         with service.store.write() as connection:
             session = sessions.find(connection, (session.clinic_id,), session.id, lock=True)
+            if device is not None:
+                session = replace(session, sidecar=_with_device(session.sidecar, device))
+                chores.forget_answers(connection, session.id)  # they tell of the wrong device
+                service.audit.record(
+                    connection, session.clinic_id, actor, "session.device_corrected", session.id, device=device
+                )
             entries = reviews.history(connection, session.id) if session.n_reviews else []
             session, kept = sessions.keep_report(
                 connection,
@@ -224,6 +235,10 @@ def announce(connection: Connection, session: Session, event: str, **more: objec
     """Tell the clinic's webhooks of something about a session: identifiers and grades, nothing of the patient."""
     body = {"event": event, "session": session.id, "clinic": session.clinic, "at": to_iso(now_us()), **more}
     chores.announce(connection, session.clinic_id, event, orjson.dumps(body))
+
+
+def _with_device(sidecar: bytes | None, device: str) -> bytes:
+    return orjson.dumps(orjson.loads(sidecar or b"{}") | {"device": device})
 
 
 def _text(value: object) -> str | None:

@@ -25,7 +25,7 @@ FloatTable = NDArray[np.float32]  # (channel, sample); the first channel is the 
 async def table_of(service: Service, session: Session) -> FloatTable:
     """All channels of a session at full rate, from the cache or from a worker."""
     versions = await pipeline_versions(service)
-    key = f"{LAYOUT}-{versions['pipeline']}-{versions['settings_digest'][:16]}"
+    key = f"{LAYOUT}-{session.device}-{versions['pipeline']}-{versions['settings_digest'][:16]}"
     path = await run_in_threadpool(service.cache.find, session.id, key)
     if path is None:
         answer = await ask_worker(service, "series", session)

@@ -10,9 +10,9 @@ from fastapi import APIRouter, Form, Request, Response
 from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 
-from api import present, reviewing, viewing
+from api import correcting, present, reviewing, viewing
 from api.access import Administrator, Corrector, Reader, Reviewer, ServiceDep
-from api.models import PatientCorrection, ReviewIn
+from api.models import ReviewIn, SessionCorrection
 from api.pages import findings
 from api.pages.titles import rule_titles, rules_of
 from api.principal import Principal, Scope
@@ -29,7 +29,7 @@ from api.store.sessions import State
 from api.viewing import SessionView
 from api.words import Words
 from inhalemon.measures import MEASURES, unit_of
-from inhalemon.values import Verdict
+from inhalemon.values import DeviceKind, Verdict
 
 router = APIRouter(prefix="/sessions", tags=["pages"], include_in_schema=False)
 
@@ -46,6 +46,7 @@ def session_page(request: Request, service: ServiceDep, who: Reader, session_id:
         "session": present.summary(found.session, found.mistakes),
         "problem": None if found.session.failure is None else orjson.loads(found.session.failure),
         "report": report,
+        "devices": [str(each) for each in DeviceKind],
         "holder": found.lease.reviewer if found.lease is not None and is_held else None,
     }
     if report is not None:
@@ -102,14 +103,24 @@ def add_entry(
 
 
 @router.post("/{session_id}/patient")
-def correct_patient(
+async def correct_patient(
     request: Request,
     service: ServiceDep,
     who: Corrector,
     session_id: SessionId,
     patient_ref: Annotated[str, Form(max_length=64)] = "",
 ) -> Response:
-    session_routes.correct_session(service, who, session_id, PatientCorrection(patient_ref=patient_ref or None))
+    given = SessionCorrection(patient_ref=patient_ref or None)
+    await correcting.correct(service, request.app.state.scorer, who, session_id, given)
+    return _reload()
+
+
+@router.post("/{session_id}/device")
+async def correct_device(
+    request: Request, service: ServiceDep, who: Corrector, session_id: SessionId, device: Annotated[DeviceKind, Form()]
+) -> Response:
+    given = SessionCorrection(device=device)
+    await correcting.correct(service, request.app.state.scorer, who, session_id, given)
     return _reload()
 
 

@@ -5,22 +5,20 @@ from __future__ import annotations
 import base64
 from typing import Annotated
 
-import orjson
 from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import HTMLResponse, StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
-from api import erasing, present, series, viewing
+from api import correcting, erasing, present, series, viewing
 from api.access import Administrator, Corrector, Reader, ServiceDep
 from api.answers import REPORT_POLICY, Json
 from api.idempotency import Once
-from api.models import PatientCorrection, Report, ReportVersion, SessionDetail, SessionPage, SessionSummary
+from api.models import Report, ReportVersion, SessionCorrection, SessionDetail, SessionPage, SessionSummary
 from api.problems import ConflictError, NotFoundError
-from api.pseudonym import checked
 from api.routes.common import ClinicQuery, Cursor, Limit, SessionId, problems
 from api.routes.filters import FilterDep
 from api.scoring import Scorer, ask_worker
-from api.store import chores, sessions
+from api.store import sessions
 from api.store.listing import Order
 from api.store.sessions import State
 
@@ -59,26 +57,14 @@ def get_session(service: ServiceDep, who: Reader, session_id: SessionId) -> Resp
 
 @router.patch(
     "/{session_id}",
-    summary="Correct a wrong patient_ref",
-    responses=dict(problems(404)),
+    summary="Correct a wrong patient_ref or device",
+    responses=dict(problems(404, 500, 503)),
 )
-def correct_session(
-    service: ServiceDep, who: Corrector, session_id: SessionId, given: PatientCorrection
+async def correct_session(
+    request: Request, service: ServiceDep, who: Corrector, session_id: SessionId, given: SessionCorrection
 ) -> SessionSummary:
-    ref = None
-    if given.patient_ref is not None:
-        ref = checked(given.patient_ref, service.settings)
-    with service.store.write() as connection:
-        session = sessions.find(connection, who.clinic_ids, session_id, lock=True)
-        sidecar = orjson.loads(session.sidecar or b"{}") | {"patient_ref": ref}
-        kept = {name: value for name, value in sidecar.items() if value is not None}
-        sessions.set_patient(connection, session.id, ref, orjson.dumps(kept) if kept else None)
-        chores.forget_answers(connection, session.id)  # they hold the wrong reference
-        # That it was changed and by whom; neither the old reference nor the new one.
-        service.audit.record(connection, session.clinic_id, who.actor, "session.patient_corrected", session.id)
-        session = sessions.find(connection, who.clinic_ids, session_id)
-        mistakes = sessions.mistakes_of(connection, [session.id])[session.id]
-    return present.summary(session, mistakes)
+    """With another device the session is scored again; when it cannot be, it stays as it was."""
+    return await correcting.correct(service, request.app.state.scorer, who, session_id, given)
 
 
 @router.delete("/{session_id}", status_code=204, summary="Erase a session", responses=dict(problems(404)))

@@ -246,6 +246,7 @@ def keep_report(
         "failure": None,
         "report_id": kept.id,
         "device": device,
+        "sidecar": session.sidecar,
         "session_ref": session.session_ref or session_ref,
         "patient_ref": session.patient_ref or patient_ref,
         "recorded_at_us": recorded,
@@ -331,6 +332,34 @@ def report_versions(connection: Connection, session_id: str) -> list[StoredRepor
 
 
 # ------------------------------------------------------------------------------------------ correcting, erasing
+
+
+def describe(
+    connection: Connection,
+    session: Session,
+    *,
+    sidecar: bytes,
+    session_ref: str | None,
+    device: str | None,
+    patient_ref: str | None,
+    recorded_at_us: int | None,
+    first_try_s: float,
+) -> Session:
+    """Give a session that is not scored other metadata, with which it is due to be scored `first_try_s` from now."""
+    changes: dict[str, Any] = {
+        "sidecar": sidecar,
+        "session_ref": session_ref,
+        "device": device,
+        "patient_ref": patient_ref,
+        "recorded_at_us": recorded_at_us,
+        "happened_at_us": session.uploaded_at_us if recorded_at_us is None else recorded_at_us,
+        "state": str(State.UNSCORED),
+        "attempts": 0,
+        "next_try_us": now_us() + round(first_try_s * SECOND_US),
+        "failure": None,
+    }
+    connection.execute(_CHANGE, {"of_session": session.id, **changes})
+    return replace(session, **changes)
 
 
 def set_patient(connection: Connection, session_id: str, patient_ref: str | None, sidecar: bytes | None) -> None:

@@ -6,12 +6,16 @@ import base64
 import gzip
 import hashlib
 import json
+import time
 from dataclasses import replace
 
 import pytest
+from running import serving, settings_for
 
 import inhalemon as im
+from api import operations
 from api.moments import DAY_US, now_us, to_iso
+from api.principal import Role
 from inhalemon.recording import write_recording
 
 CSV = {"content-type": "text/csv"}
@@ -226,3 +230,86 @@ def test_what_the_file_itself_tells_is_checked_as_well_and_the_file_not_kept(cli
     assert answer.json()["column"] == next(iter(odd))
     assert clinic.client("clinician").get("/v1/sessions").json()["items"] == []
     assert list((clinic.server.settings.data_dir / "raw" / clinic.id).rglob("*.zst")) == []
+
+
+# ------------------------------------------------------------------------------------------ known bytes, other metadata
+
+
+@pytest.mark.parametrize(
+    ("other", "named"),
+    [
+        ({"patient_ref": "P-2"}, ["patient_ref"]),
+        ({"device": "ellipta"}, ["device"]),
+        ({"recorded_at": "2026-11-21T08:30:00Z", "device": "ellipta"}, ["device", "recorded_at"]),
+        ({"session_id": "S-2"}, ["session_id"]),
+    ],
+)
+def test_known_bytes_with_other_metadata_are_refused_and_nothing_changes(clinic, recording, other, named):
+    """Dropped in silence, a wrong patient or device would never come to light."""
+    given = {"device": "pmdi", "patient_ref": "P-1", "recorded_at": "2026-11-20T08:30:00Z"}
+    client, headers = clinic.client("uploader"), {"content-type": "text/csv"}
+
+    def upload(metadata):
+        return client.post("/v1/sessions", content=recording(seed=9), params=metadata, headers=headers)
+
+    first = upload(given)
+    assert first.status_code == 201
+    refused = upload(given | other)
+    assert refused.status_code == 409
+    assert refused.json()["session"] == first.json()["id"]
+    assert refused.json()["differing"] == named
+    kept = clinic.client("clinician").get(first.headers["location"]).json()
+    assert {name: kept[name] for name in ("device", "patient_ref")} == {"device": "pmdi", "patient_ref": "P-1"}
+    for same in (given, {"device": "pmdi"}, {}):
+        assert upload(same).status_code == 200, "what is left out is not contradicted"
+
+
+def test_a_recording_kept_without_its_device_is_scored_once_the_device_comes(tmp_path, database, recording):
+    url, headers = database(), {"content-type": "text/csv"}
+
+    def upload(client, **metadata):
+        return client.post("/v1/sessions", content=recording(seed=10), params=metadata, headers=headers)
+
+    with serving(settings_for(tmp_path / "data", url, workers=0)) as server:
+        key = operations.add_key(server.service, "north", Role.CLINICIAN).key
+        with server.client(key) as client:
+            session = upload(client).json()["session"]
+            assert upload(client, patient_ref="P-1").json()["session"] == session
+    with serving(settings_for(tmp_path / "data", url, workers=1)) as server, server.client(key) as client:
+
+        def state():
+            return client.get(f"/v1/sessions/{session}").json()["state"]
+
+        deadline_s = time.monotonic() + 20
+        while state() != "unusable" and time.monotonic() < deadline_s:
+            time.sleep(0.05)
+        assert state() == "unusable"
+        answer = upload(client, device="pmdi", patient_ref="P-2")
+        assert (answer.status_code, answer.json()["id"]) == (200, session)
+        assert {name: answer.json()[name] for name in ("state", "device", "patient_ref")} == {
+            "state": "scored",
+            "device": "pmdi",
+            "patient_ref": "P-2",
+        }
+
+
+def test_a_wrong_device_is_corrected_and_the_session_scored_again(clinic, recording, upload):
+    session = upload(clinic, seed=11, device="ellipta")
+    path, client = f"/v1/sessions/{session['id']}", clinic.client("clinician")
+    wrong = upload(clinic, seed=12, device="pmdi")
+    answer = client.patch(f"/v1/sessions/{wrong['id']}", json={"device": "ellipta", "patient_ref": "P-5"})
+    assert answer.status_code == 200, answer.text
+    assert {name: answer.json()[name] for name in ("device", "patient_ref")} == {
+        "device": "ellipta",
+        "patient_ref": "P-5",
+    }
+    told = client.get(f"/v1/sessions/{wrong['id']}").json()
+    assert told["report"]["device"] == "ellipta"
+    assert [each["version"] for each in client.get(f"/v1/sessions/{wrong['id']}/reports").json()] == [1, 2]
+    assert client.post(f"/v1/sessions/{wrong['id']}/reports").status_code == 201
+    assert client.get(f"/v1/sessions/{wrong['id']}").json()["device"] == "ellipta", "and it stays so"
+    assert client.patch(path, json={"device": "pmdi"}).status_code == 200
+    assert client.get(f"{path}/report").json()["device"] == "pmdi"
+    for nonsense in ({}, {"device": None}, {"device": "spoon"}):
+        assert client.patch(path, json=nonsense).status_code == 422
+    assert "session.device_corrected" in clinic.client("administrator").get("/v1/audit", params={"limit": 200}).text

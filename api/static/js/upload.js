@@ -114,7 +114,8 @@
     const text = [problems[kind] || told.title || String(request.status), where, told.detail].filter(Boolean).join(" – ");
     const isKept = (request.status === 503 || request.status === 500) && told.session;
     show(job, isKept ? "kept" : "failed", text);
-    if (isKept) openLink(job, told.session); else retryButton(job);
+    retryButton(job);
+    if (told.session) openLink(job, told.session);
   }
 
   function openLink(job, id) {
@@ -123,7 +124,7 @@
     link.href = `/sessions/${id}`;
     link.textContent = words.open;
     link.setAttribute("aria-label", `${words.open}: ${job.file.name}`);
-    job.acts.replaceChildren(link);
+    if (job.state === "failed") job.acts.prepend(link); else job.acts.replaceChildren(link);
   }
   function retryButton(job) {
     const retry = document.createElement("button"), remove = document.createElement("button");
