@@ -174,12 +174,42 @@ def test_a_second_run_adds_only_what_is_missing(three, good, form):
         assert second.count(b"\n") == 3 + (form == "csv")
 
 
-def test_an_unusable_recording_is_skipped_too_and_still_told_by_the_exit_code(three, tmp_path):
-    out = tmp_path / "out.jsonl"
+@pytest.mark.parametrize("form", ["jsonl", "csv", "json"])
+def test_an_unusable_recording_is_tried_again_and_told_once(three, tmp_path, form, capsys):
+    out = tmp_path / f"out.{form}"
     assert run(["score", str(three), "--out", str(out)]) == 3
     before = out.read_bytes()
     assert run(["score", str(three), "--out", str(out)]) == 3
-    assert out.read_bytes() == before
+    assert capsys.readouterr().err.count("s1_bad.csv line 812") == 2
+    if form == "json":
+        in_order = [json.loads(before)[index] for index in (0, 1, 3, 2)]
+        assert json.loads(out.read_bytes()) == in_order
+    else:
+        assert sorted(out.read_bytes().splitlines()) == sorted(before.splitlines())
+
+
+@pytest.mark.parametrize("form", ["jsonl", "csv", "json"])
+def test_a_recording_that_was_mended_loses_its_error(three, good, form):
+    out = good.with_suffix(f".{form}")
+    whole = (good / "s1.csv").read_bytes()
+    (good / "s1.csv").write_bytes((three / "s1_bad.csv").read_bytes())
+    assert run(["score", str(good), "--out", str(out)]) == 3
+    (good / "s1.csv").write_bytes(whole)
+    assert run(["score", str(good), "--out", str(out)]) == 0
+    assert b"812" not in out.read_bytes()
+    assert b"not_a_number" not in out.read_bytes()
+    assert out.read_bytes().count(b"pmdi-00001") == 1
+
+
+@pytest.mark.parametrize("name", ["out.json", "out.jsonl", "out.txt"])
+def test_a_file_that_cannot_be_written_is_told_before_anything_is_scored(three, tmp_path, name, capsys):
+    out = tmp_path / "no such folder" / name
+    assert run(["score", str(three), "--out", str(out)]) == 2
+    told = capsys.readouterr().err
+    assert told == f"inhalemon: {out}: No such file or directory\n"
+    (tmp_path / name).mkdir()
+    assert run(["score", str(three), "--out", str(tmp_path / name)]) == 2
+    assert capsys.readouterr().err == f"inhalemon: {tmp_path / name}: Is a directory\n"
 
 
 @pytest.mark.parametrize("form", ["jsonl", "csv"])
@@ -246,8 +276,9 @@ def test_sessions_of_one_name_are_counted_not_merged(three, tmp_path):
     assert ids(documents(out.read_bytes())) == ["same", "same"]
 
 
-def test_reports_of_other_settings_are_not_mixed_into_one_file(three, tmp_path, capsys):
-    out, settings = tmp_path / "out.jsonl", tmp_path / "s.toml"
+@pytest.mark.parametrize("form", ["jsonl", "csv", "json"])
+def test_reports_of_other_settings_are_not_mixed_into_one_file(three, tmp_path, form, capsys):
+    out, settings = tmp_path / f"out.{form}", tmp_path / "s.toml"
     settings.write_text("[attitude]\nsmooth = false\n")
     path = str(three / "s0.csv")
     assert run(["score", path, "--out", str(out)]) == 0

@@ -38,7 +38,9 @@ def check(
 
     profile, chosen = device_of(device), settings_of(settings)
     found = sources(paths)
-    checked = list(progress((_checked(source, profile, chosen) for source in found), n_done=0, n=len(found)))
+    checked = list(
+        progress((_checked(source, profile, chosen) for source in found), n_done=0, n=len(found), doing="checking")
+    )
     if form == "json":
         write(orjson.dumps(checked, option=orjson.OPT_INDENT_2) + b"\n", None)
     else:

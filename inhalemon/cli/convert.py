@@ -23,8 +23,12 @@ def convert(
     out: Annotated[Path, typer.Option(metavar="FOLDER", help="Where the files go; made when it is not there.")],
     device: DeviceOption = None,
 ) -> None:
-    """Write recordings as CSV or Parquet, or into a Motion-BIDS dataset, each named by its session id."""
+    """Write recordings as CSV or Parquet, each under its own name, or into a Motion-BIDS dataset.
+
+    What is there already is never written over.
+    """
     from inhalemon.recording import write_motion_bids, write_recording
+    from inhalemon.recording.layout import stem_of
 
     profile = device_of(device)
     found = sources(paths)
@@ -36,7 +40,15 @@ def convert(
             if to == "motion-bids":
                 path = write_motion_bids(recording, out)
             else:
-                path = out / f"{recording.session_id}.{to}"
+                path = out / f"{stem_of(source.name)}.{to}"
+                if path.exists():
+                    raise RecordingError(
+                        "session_exists",
+                        file=source.name,
+                        column="file",
+                        found=f"already there as {path}",
+                        wanted="a name that the folder does not hold",
+                    )
                 write_recording(recording, path)
         except RecordingError as error:
             is_any_unusable = True

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import os
 import sys
 import tempfile
@@ -30,17 +32,36 @@ def write(text: str | bytes, out: Path | None) -> None:
 
 def write_whole(data: bytes, path: Path) -> None:
     """Write a file beside its name and rename it, so that a reader or a kill never sees half of it."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
+    with _beside(path) as (handle, name):
         with os.fdopen(handle, "wb") as file:
             file.write(data)
         umask = os.umask(0)
         os.umask(umask)
         os.chmod(name, 0o666 & ~umask)
         os.replace(name, path)
-    except BaseException:
-        os.unlink(name)
-        raise
+
+
+def check_writable(path: Path) -> None:
+    """Raises the `OSError` that writing the file would raise, before there is anything to write."""
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    with _beside(path) as (handle, _):
+        os.close(handle)
+
+
+@contextlib.contextmanager
+def _beside(path: Path) -> Iterator[tuple[int, str]]:
+    """A new file beside the path, which is gone at the end unless it was renamed; errors name the path itself."""
+    name = None
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        yield handle, name
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
+    finally:
+        if name is not None:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(name)
 
 
 def console(*, stderr: bool = False, is_file: bool = False) -> Console:
@@ -65,17 +86,17 @@ def table(title: str, *columns: str) -> Table:
     return made
 
 
-def progress(results: Iterable[Result], *, n_done: int, n: int) -> Iterator[Result]:
+def progress(results: Iterable[Result], *, n_done: int, n: int, doing: str) -> Iterator[Result]:
     """The results as they come, with a bar on stderr while it is a terminal."""
     if n <= 1 or not sys.stderr.isatty():
         yield from results
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("scoring"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (TextColumn(doing), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     # Lines told meanwhile go through the bar, so that neither overwrites the other.
     with Progress(*columns, console=console(stderr=True), transient=True) as bar:
-        task = bar.add_task("scoring", total=n, completed=n_done)
+        task = bar.add_task(doing, total=n, completed=n_done)
         for result in results:
             yield result
             bar.advance(task)

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -23,9 +23,6 @@ from inhalemon.cli.options import (
 )
 from inhalemon.cli.output import progress
 from inhalemon.cli.sources import STANDARD_INPUT, Source, sources
-
-if TYPE_CHECKING:
-    from inhalemon.cli.sinks import Key
 
 # A smaller batch is done before other processes have started and imported the pipeline.
 _ALONE_BELOW = 48
@@ -65,7 +62,8 @@ def score(
     from inhalemon.pipeline import PIPELINE_VERSION
 
     versions = (PIPELINE_VERSION, chosen.digest, rule_set.digest)
-    sink, kept = sink_of(form or form_of(out), out, versions, is_single=is_single)
+    asked = {source.name for source in found}
+    sink, kept = sink_of(form or form_of(out), out, versions, asked, is_single=is_single)
     waiting = _not_kept(found, kept)
     n_workers = min(jobs or (1 if len(waiting) < _ALONE_BELOW else usable_cores()), len(waiting))
     outcomes = run_batch(
@@ -75,9 +73,9 @@ def score(
         on_crash=crashed,
         preload=["inhalemon.cli.scoring"],
     )
-    is_any_unusable = any(kind == "file" for kind, _ in kept)
+    is_any_unusable = False
     with closing(outcomes):
-        for outcome in progress(outcomes, n_done=len(found) - len(waiting), n=len(found)):
+        for outcome in progress(outcomes, n_done=len(found) - len(waiting), n=len(found), doing="scoring"):
             sink.add(outcome.document)
             if outcome.failure is not None:
                 is_any_unusable = True
@@ -87,19 +85,16 @@ def score(
         raise typer.Exit(UNUSABLE_RECORDING)
 
 
-def _not_kept(found: Iterable[Source], kept: Iterable[Key]) -> list[Source]:
-    """The sources whose outcome is not there yet. Sessions of one name count as often as they are there."""
+def _not_kept(found: Iterable[Source], kept: Iterable[str]) -> list[Source]:
+    """The sources whose report is not there yet. Sessions of one name count as often as they are there."""
     from inhalemon.recording import session_id_of
 
     left = Counter(kept)
     waiting = []
     for source in found:
-        keys = [("file", source.name)]
-        if left:
-            keys.append(("session", session_id_of(source.name)))
-        key = next((key for key in keys if left[key]), None)
-        if key is None:
-            waiting.append(source)
+        session_id = session_id_of(source.name) if left else ""
+        if left[session_id]:
+            left[session_id] -= 1
         else:
-            left[key] -= 1
+            waiting.append(source)
     return waiting

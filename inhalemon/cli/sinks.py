@@ -5,14 +5,16 @@ from __future__ import annotations
 import csv
 import os
 import sys
+from collections.abc import Container, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import orjson
 import typer
 
 from inhalemon.cli.options import Form
-from inhalemon.cli.output import console, write
+from inhalemon.cli.output import check_writable, console, write, write_whole
 from inhalemon.exceptions import RecordingError
 from inhalemon.report import from_dict
 from inhalemon.report.documents import ERROR_FORMAT, REPORT_FORMAT, Document
@@ -20,7 +22,6 @@ from inhalemon.report.documents import ERROR_FORMAT, REPORT_FORMAT, Document
 if TYPE_CHECKING:
     from inhalemon.values import Report
 
-Key = tuple[str, str]  # ("session", id) of a report, ("file", name) of a recording that could not be used
 Versions = tuple[str, str, str]  # of the pipeline, the settings and the rules
 
 _JSON_START: Final = b'{"format":"inhalemon-'
@@ -41,28 +42,43 @@ def form_of(out: Path | None) -> Form:
     return _BY_SUFFIX.get(out.suffix, "table") if out is not None else "table"
 
 
-def sink_of(form: Form, out: Path | None, versions: Versions, *, is_single: bool) -> tuple[Sink, list[Key]]:
-    """The sink, and the keys of what the file `out` holds already.
+def sink_of(
+    form: Form, out: Path | None, versions: Versions, asked: Container[str], *, is_single: bool
+) -> tuple[Sink, list[str]]:
+    """The sink, and the ids of the sessions whose reports the file `out` holds already.
 
-    `is_single` makes JSON one document instead of a list, and the table a full one. Only JSONL and CSV grow as the
-    batch goes on, so only they outlive a kill; JSON is taken up again when it is whole, a table never.
+    What it holds of the files `asked` for is an error from an earlier run, or a report: errors are dropped, since the
+    file may be mended by now. `is_single` makes JSON one document instead of a list, and the table a full one. Only
+    JSONL and CSV grow as the batch goes on, so only they outlive a kill; JSON is taken up again when it is whole, a
+    table never. Raises `OSError` when the file cannot be written.
     """
-    if form == "jsonl":
+    if form in {"jsonl", "csv"}:
         lines = _Lines(out)
-        _refuse_foreign_half(lines.half, _JSON_START, out)
-        kept = [document for line in lines.found for document in _documents(line, out)]
-        _refuse_others(kept, versions, out)
-        return JsonLines(lines), [_key(document) for document in kept]
-    if form == "csv":
-        lines = _Lines(out)
-        if not lines.found:
-            _refuse_foreign_half(lines.half, _CSV_START, out)
-        return Csv(lines), _csv_keys(lines.found, out)
-    if form == "json":
-        kept = _documents(out.read_bytes(), out) if out is not None and out.exists() else []
-        _refuse_others(kept, versions, out)
-        return Json(out, kept, is_single=is_single), [_key(document) for document in kept]
-    return Table(out, is_single=is_single), []
+        header, earlier = _csv_rows(lines, out) if form == "csv" else (b"", _json_lines(lines, out))
+    else:
+        lines, header = None, b""
+        if out is not None:
+            check_writable(out)
+        earlier = _json_list(out) if form == "json" and out is not None and out.exists() else []
+    if any(each.versions not in (None, versions) for each in earlier):
+        raise _cannot_go_on(out, "holds reports by another version, other settings or other rules")
+    kept = [each for each in earlier if each.versions is not None or each.name not in asked]
+    sessions = [each.name for each in kept if each.versions is not None]
+    if lines is None:
+        whole = [orjson.loads(each.text) for each in kept]
+        return Json(out, whole, is_single=is_single) if form == "json" else Table(out, is_single=is_single), sessions
+    if len(kept) < len(earlier):
+        lines.rewrite(header + b"".join(each.text for each in kept))
+    return Csv(lines, has_header=bool(header)) if form == "csv" else JsonLines(lines), sessions
+
+
+@dataclass(frozen=True, slots=True)
+class _Earlier:
+    """What a file holds of one recording from an earlier run."""
+
+    name: str  # the session's id, or the file's name when it could not be used
+    versions: Versions | None  # None: an error
+    text: bytes
 
 
 class _Lines:
@@ -71,15 +87,26 @@ class _Lines:
     def __init__(self, out: Path | None) -> None:
         self.found: list[bytes] = []
         self.half = b""
+        self._out = out
         self._handle: int | None = None
-        if out is None:
-            return
+        if out is not None:
+            self._open(out)
+
+    def _open(self, out: Path) -> None:
         self._handle = os.open(out, os.O_RDWR | os.O_CREAT, 0o666)
         with open(self._handle, "rb", closefd=False) as file:
             self.found = file.readlines()
         if self.found and not self.found[-1].endswith(b"\n"):
             self.half = self.found.pop()
         os.lseek(self._handle, sum(map(len, self.found)), os.SEEK_SET)
+
+    def rewrite(self, text: bytes) -> None:
+        """The file with this text alone, in one step."""
+        if self._out is not None and self._handle is not None:
+            os.close(self._handle)
+            write_whole(text, self._out)
+            self.half = b""
+            self._open(self._out)
 
     def append(self, line: bytes) -> None:
         if self._handle is None:
@@ -110,9 +137,9 @@ class JsonLines:
 
 
 class Csv:
-    def __init__(self, lines: _Lines) -> None:
+    def __init__(self, lines: _Lines, *, has_header: bool) -> None:
         self._lines = lines
-        self._has_header = bool(lines.found)
+        self._has_header = has_header
 
     def add(self, document: bytes) -> None:
         from inhalemon.report.flat import to_csv
@@ -171,43 +198,57 @@ def _opened(document: bytes) -> tuple[str, Report | RecordingError]:
     return fields["session_id"], from_dict(fields)
 
 
-def _documents(text: bytes, out: Path | None) -> list[Document]:
-    """The documents in JSON text: one, or a list of them."""
+def _json_lines(lines: _Lines, out: Path | None) -> list[_Earlier]:
+    _refuse_foreign_half(lines.half, _JSON_START, out)
+    return [_of_document(_parsed(line, out), line, out) for line in lines.found]
+
+
+def _json_list(out: Path) -> list[_Earlier]:
+    """What JSON of one document or a list of them holds."""
+    parsed = _parsed(out.read_bytes(), out)
+    documents = parsed if isinstance(parsed, list) else [parsed]
+    return [_of_document(document, orjson.dumps(document), out) for document in documents]
+
+
+def _parsed(text: bytes, out: Path | None) -> Any:
     try:
-        parsed = orjson.loads(text)
+        return orjson.loads(text)
     except orjson.JSONDecodeError as error:
         raise _cannot_go_on(out, f"is no JSON ({error})") from error
-    documents = parsed if isinstance(parsed, list) else [parsed]
-    if not all(isinstance(document, dict) for document in documents):
-        raise _cannot_go_on(out, "holds something else than reports")
-    return documents
 
 
-def _key(document: Document) -> Key:
-    if document["format"] == ERROR_FORMAT:
-        return "file", str(document["file"])
-    return "session", str(document["session_id"])
+def _of_document(document: Any, text: bytes, out: Path | None) -> _Earlier:
+    kind = document.get("format") if isinstance(document, dict) else None
+    if kind == ERROR_FORMAT:
+        return _Earlier(str(document.get("file")), None, text)
+    if kind == REPORT_FORMAT:
+        return _Earlier(str(document.get("session_id")), _versions(document), text)
+    raise _cannot_go_on(out, "holds something else than reports")
 
 
-def _csv_keys(lines: list[bytes], out: Path | None) -> list[Key]:
+def _csv_rows(lines: _Lines, out: Path | None) -> tuple[bytes, list[_Earlier]]:
+    """The header's line, and what stands below."""
     from inhalemon.report.flat import csv_columns
 
-    rows = csv.reader(line.decode(errors="replace") for line in lines)
-    if next(rows, list(csv_columns())) != list(csv_columns()):
+    if not lines.found:
+        _refuse_foreign_half(lines.half, _CSV_START, out)
+        return b"", []
+    rows = csv.DictReader(line.decode(errors="replace") for line in lines.found)
+    if tuple(rows.fieldnames or ()) != csv_columns():
         raise _cannot_go_on(out, "has other columns")
-    session, error = csv_columns().index("session_id"), csv_columns().index("error_code")
-    # A cell that a spreadsheet would run as a formula was written with an apostrophe before it.
-    return [("file" if row[error] else "session", row[session].removeprefix("'")) for row in rows]
+    earlier, begin = [], rows.line_num
+    header = b"".join(lines.found[:begin])
+    for row in rows:
+        # A cell that a spreadsheet would run as a formula was written with an apostrophe before it.
+        name = row["session_id"].removeprefix("'")
+        text = b"".join(lines.found[begin : rows.line_num])  # a cell may hold line breaks
+        earlier.append(_Earlier(name, None if row["error_code"] else _versions(row), text))
+        begin = rows.line_num
+    return header, earlier
 
 
-def _refuse_others(kept: list[Document], versions: Versions, out: Path | None) -> None:
-    """A file never mixes what was scored in different ways."""
-    for document in kept:
-        if document.get("format") not in (REPORT_FORMAT, ERROR_FORMAT):
-            raise _cannot_go_on(out, "holds something else than reports")
-        names = ("pipeline_version", "settings_digest", "rules_digest")
-        if document["format"] == REPORT_FORMAT and tuple(document[name] for name in names) != versions:
-            raise _cannot_go_on(out, "holds reports by another version, other settings or other rules")
+def _versions(found: Mapping[str, Any]) -> Versions:
+    return str(found.get("pipeline_version")), str(found.get("settings_digest")), str(found.get("rules_digest"))
 
 
 def _refuse_foreign_half(half: bytes, start: bytes, out: Path | None) -> None:

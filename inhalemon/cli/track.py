@@ -67,9 +67,9 @@ def _as_csv(columns: dict[str, FloatArray]) -> bytes:
     import numpy as np
 
     text = io.StringIO()
-    np.savetxt(
-        text, np.column_stack(list(columns.values())), fmt="%.9g", delimiter=",", header=",".join(columns), comments=""
-    )
+    formats = ["%.6f" if name == "time_s" else "%.9g" for name in columns]  # microseconds, though it count from 1970
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(text, table, fmt=formats, delimiter=",", header=",".join(columns), comments="")
     return text.getvalue().encode()
 
 

@@ -1,6 +1,7 @@
 """A recording as a session of a Motion-BIDS dataset, for tools of movement science.
 
-Each sensor is a tracking system of its own, because each has a clock of its own: its times are the LATENCY channel.
+Each sensor is a tracking system of its own, because each has a clock of its own: its times are the LATENCY channel,
+in seconds since the first sample of either.
 Source: the Brain Imaging Data Structure, specification 1.9 and later, "Motion". Values are in the part's frame, not the
 chip's; the dataset says so.
 """
@@ -46,7 +47,11 @@ def write_motion_bids(recording: Recording, folder: str | Path) -> Path:
         )
     (place / "motion").mkdir(parents=True)
     stem = f"sub-{subject}_ses-{session}_task-{_TASK}"
-    files = [_write_sensor(recording, name, place / "motion" / f"{stem}_tracksys-{name.value}") for name in SensorName]
+    onset_s = min(float(track.time_s[0]) for track in (recording.body, recording.lever))
+    files = [
+        _write_sensor(recording, name, onset_s, place / "motion" / f"{stem}_tracksys-{name.value}")
+        for name in SensorName
+    ]
     rows = [[f"motion/{file}", _utc(recording.recorded_at)] for file in files]
     scans = place / f"sub-{subject}_ses-{session}_scans.tsv"
     scans.write_text(_tsv([["filename", "acq_time"], *rows]), encoding="utf-8")
@@ -54,13 +59,13 @@ def write_motion_bids(recording: Recording, folder: str | Path) -> Path:
     return place
 
 
-def _write_sensor(recording: Recording, name: SensorName, stem: Path) -> str:
+def _write_sensor(recording: Recording, name: SensorName, onset_s: float, stem: Path) -> str:
     track: ImuTrack = getattr(recording, name)
-    columns = _columns(track)
+    columns = _columns(track, onset_s)
     values = np.column_stack([values for values, *_ in columns])
     text = io.StringIO()
-    # A motion file has no header. A clock may count from 1970: its microseconds need 16 digits.
-    np.savetxt(text, values, fmt=["%.16g", *["%.9g"] * (len(columns) - 1)], delimiter="\t")
+    # A motion file has no header; a latency is written in full, never as a power of ten.
+    np.savetxt(text, values, fmt=["%.6f", *["%.9g"] * (len(columns) - 1)], delimiter="\t")
     motion = stem.with_name(stem.name + "_motion.tsv")
     motion.write_text(text.getvalue(), encoding="utf-8")
     channels = [
@@ -90,9 +95,9 @@ def _write_sensor(recording: Recording, name: SensorName, stem: Path) -> str:
     return motion.name
 
 
-def _columns(track: ImuTrack) -> list[tuple[FloatArray, str, str, str, str]]:
+def _columns(track: ImuTrack, onset_s: float) -> list[tuple[FloatArray, str, str, str, str]]:
     """Values, name's beginning, axis, BIDS type and unit of each channel; time first."""
-    columns = [(track.time_s, "latency", "n/a", "LATENCY", "s")]
+    columns = [(track.time_s - onset_s, "latency", "n/a", "LATENCY", "s")]
     for attribute, prefix, kind, unit in _KINDS:
         values: FloatArray | None = getattr(track, attribute)
         if values is not None:

@@ -14,7 +14,8 @@ from inhalemon.rules import load_rules
 from inhalemon.values import Report, Verdict
 
 _FIRST: Final = ("session_id", "device", "duration_s", "usable", "flags", "grade", "points", "n_doses", "mistakes")
-_LAST: Final = ("other_rules", "error_code", "error")
+_VERSIONS: Final = ("pipeline_version", "settings_digest", "rules_digest")
+_LAST: Final = ("other_rules", "error_code", "error", *_VERSIONS)
 _FORMULA_STARTS: Final = ("=", "+", "-", "@", "\t", "\r")  # a spreadsheet would run such a cell
 
 
@@ -59,6 +60,7 @@ def _row(report: Report) -> dict[str, object]:
         **{name: measure.value for name, measure in report.measures.items()},
         **verdicts,
         "other_rules": " ".join(own),
+        **{name: getattr(report, name) for name in _VERSIONS},
     }
 
 
