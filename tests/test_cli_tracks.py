@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import math
@@ -15,7 +16,7 @@ import pytest
 
 from inhalemon.cli import run
 from inhalemon.devices import load_device
-from inhalemon.recording import read_recording
+from inhalemon.recording import read_recording, write_recording
 from inhalemon.simulate import simulate_session
 from inhalemon.values import DeviceKind
 
@@ -50,6 +51,19 @@ def test_mistakes_are_acted_as_asked_and_drawn_alike_for_the_same_seed(tmp_path,
     assert run(drawn) == 0
     assert capsys.readouterr().out == first
     assert first.count("\n") == 2
+
+
+def test_every_row_of_a_track_has_a_time_of_its_own_though_the_clock_counts_from_1970(simulated, tmp_path, capsys):
+    recording = read_recording(simulated / "pmdi-00004.csv")
+    late = {
+        name: dataclasses.replace(track, time_s=track.time_s + 1.76e9)
+        for name, track in (("body", recording.body), ("lever", recording.lever))
+    }
+    write_recording(dataclasses.replace(recording, **late), tmp_path / "late.csv")
+    assert run(["track", str(tmp_path / "late.csv")]) == 0
+    header, *rows = capsys.readouterr().out.splitlines()
+    times = [float(row.split(",")[header.split(",").index("time_s")]) for row in rows]
+    np.testing.assert_allclose(times, recording.body.time_s + 1.76e9, rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,12 @@ import pytest
 from reports import made_dose, made_report
 
 from inhalemon import rotation
-from inhalemon.pipeline import estimate_tracks
+from inhalemon.devices import load_device
+from inhalemon.pipeline import estimate_tracks, report_of
 from inhalemon.report.curves import N_BUCKETS, Curve, Panel, reduced, session_panels
 from inhalemon.report.page import Review, ReviewEntry, session_page
 from inhalemon.report.plot import nice_step
+from inhalemon.settings import Settings
 from inhalemon.simulate import simulate_session
 from inhalemon.values import DeviceKind, Finding, Grade, Measure, Quality, Score, Verdict
 
@@ -287,3 +289,25 @@ def test_page_of_a_report_that_nobody_signed_says_so():
     text = Page(session_page(made_report(), review=Review(made_report().score))).text
     assert "Not signed off." in text
     assert "the machine" not in text
+
+
+def test_a_clock_that_counts_from_1970_is_drawn_and_read_from_the_start():
+    """Browsers draw in single precision, in which such times are two minutes apart; nobody reads ten digits a tick."""
+    recording, _ = simulate_session("pmdi", seed=1)
+    late = {
+        name: dataclasses.replace(track, time_s=track.time_s + 1.76e9)
+        for name, track in (("body", recording.body), ("lever", recording.lever))
+    }
+    pages = []
+    for each in (recording, dataclasses.replace(recording, **late)):
+        tracks, settings, device = estimate_tracks(each), Settings(), load_device("pmdi")
+        pages.append(Page(session_page(report_of(tracks, settings, device=device), session_panels(tracks))))
+    usual, since_1970 = pages
+    boxes = [attributes["viewbox"] for page in pages for tag, attributes in page.tags if tag == "svg"]
+    span_s = float(boxes[0].split()[2])
+    for tag, attributes in since_1970.tags:
+        times = re.findall(r"(?:^|[M ])(-?[\d.]+),", attributes.get("d") or "") if tag == "path" else ()
+        assert all(-1.0 <= float(time) <= span_s + 2.0 for time in times)
+    assert "1760000000 s of the body" in since_1970.text
+    assert "176000" not in usual.text
+    assert len(re.findall(r"\d{10,}", since_1970.text)) == 1  # the note alone

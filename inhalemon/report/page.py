@@ -16,6 +16,7 @@ from importlib import resources
 from typing import Final
 
 from inhalemon.measures import INTERNAL_MEASURES, MEASURES, unit_of
+from inhalemon.report.counted import counted_from, origin_of
 from inhalemon.report.curves import Panel
 from inhalemon.report.plot import PLOT_HEIGHT, nice_step, panel_html
 from inhalemon.report.words import DISCLAIMER, GRADES, INFERRED, in_words, number
@@ -88,14 +89,17 @@ def session_page(
     """
     told = _Told(titles or {}, review)
     script = _template("page.js")
+    origin_s = origin_of(_extent(report, panels)[0])
+    report, panels = counted_from(origin_s, report, panels)
     start_s, end_s = _extent(report, panels)
+    clock = f", times counted from {origin_s:.0f} s of the body sensor's clock" if origin_s else ""
     places = {
         "policy": escape(content_security_policy()),
         "style": _template("palette.css") + _template("page.css"),
         "script": script,
         "title": escape(report.session_id),
         "device": escape(_DEVICES[report.device]),
-        "duration": f"{report.duration_s:.1f} s",
+        "duration": escape(f"{report.duration_s:.1f} s{clock}"),
         "score": _result(report.score, review),
         "disclaimer": escape(DISCLAIMER),
         "warnings": _warnings(report),
