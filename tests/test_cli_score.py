@@ -298,13 +298,10 @@ def test_a_file_that_is_something_else_is_left_alone(three, tmp_path, form, cont
     assert out.read_text() == content
 
 
-def test_scoring_one_file_cold_stays_near_one_and_a_half_seconds(three):
-    """The target is 1.5 s on an idle machine, and `make validate` measures it; 1.1 s of it is scikit-learn's import.
-
-    Here other tests run beside it, so the limit only catches another heavy import.
-    """
+def test_scoring_one_file_cold_imports_nothing_heavy(three):
+    """`make validate` measures it on an idle machine (0.5 s); here other tests run beside it."""
     assert inhalemon("score", three / "s1.csv").returncode == 0
-    assert least_processor_s(lambda: inhalemon("score", three / "s1.csv")) < 2.2
+    assert least_processor_s(lambda: inhalemon("score", three / "s1.csv")) < 1.5
 
 
 def test_piped_tables_have_no_colours_and_a_terminal_has(three):

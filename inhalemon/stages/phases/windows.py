@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +12,6 @@ from inhalemon.settings import PhaseSettings
 from inhalemon.signals import lengths, squares
 from inhalemon.stages.phases.path import Path
 from inhalemon.values import FloatArray, IntArray, Motion, Shake
-
-if TYPE_CHECKING:
-    from threadpoolctl import ThreadpoolController
 
 FEATURES = (
     "log angular rate energy",
@@ -72,22 +67,11 @@ def cut_windows(motion: Motion, path: Path, shakes: Sequence[Shake], settings: P
 
 def _clusters(points: FloatArray, centres: FloatArray) -> IntArray:
     """The cluster (m,) of each point, by Lloyd's k-means from the given centres."""
-    from sklearn import config_context  # noqa: PLC0415  a second to import: only when a session is scored
-    from sklearn.cluster import KMeans  # noqa: PLC0415
+    from scipy.cluster.vq import kmeans, vq  # noqa: PLC0415  slow to import: only when a session is scored
 
-    # On a few hundred points a second thread only waits: 50 ms and more where cores are shared, 1 ms alone.
-    with config_context(assume_finite=True, skip_parameter_validation=True), _thread_pools().limit(limits=1):
-        fitted = KMeans(n_clusters=centres.shape[0], init=centres, n_init=1, max_iter=50).fit(points)
-    clusters: IntArray = fitted.labels_.astype(np.int64)
+    centres, _ = kmeans(points, centres, check_finite=False)
+    clusters: IntArray = vq(points, centres, check_finite=False)[0].astype(np.int64)
     return clusters
-
-
-@functools.cache
-def _thread_pools() -> ThreadpoolController:
-    """The thread pools of the libraries loaded by now; finding them costs more than the clustering."""
-    from threadpoolctl import ThreadpoolController  # noqa: PLC0415  comes with scikit-learn, not wanted before it
-
-    return ThreadpoolController()
 
 
 def _features(motion: Motion, path: Path, is_shaken: FloatArray, edges: IntArray) -> FloatArray:
