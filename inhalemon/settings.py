@@ -312,6 +312,7 @@ class PhaseSettings:
     min_untilted_stay_s: float = 0.7
     fidget: float = 0.7  # clear movements: less ends neither a pause nor a held breath
     min_lift_share: Share = 0.5  # of the lift to the inhalation
+    max_aside_rad: float = math.radians(30.0)  # a face turns no farther between two visits to the mouth
     away_m: float = 0.10  # farther from the mouth than this, the device has left it, and than what the head carries it
     mouth_sway_m: float = 0.06
     head_arm_m: float = 0.2  # from neck to mouth

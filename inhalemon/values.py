@@ -294,6 +294,7 @@ class Motion:
     rate_hz: float
     tilt_rad: FloatArray  # (n,) from upright, [0, pi]
     elevation_rad: FloatArray  # (n,) of the body's y axis against level: a tilt-back of the head raises it
+    heading_rad: FloatArray  # (n,) of the body's y axis about the vertical, from any zero
     sd_tilt_rad: FloatArray  # (n,)
     gyr_rad_s: FloatArray  # (n, 3) body frame, bias removed
     force_m_s2: FloatArray  # (n, 3) specific force, body frame

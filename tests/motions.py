@@ -30,6 +30,7 @@ def still(duration_s: float, rate_hz: float = 100.0) -> Motion:
         rate_hz=rate_hz,
         tilt_rad=zero,
         elevation_rad=zero,
+        heading_rad=zero,
         sd_tilt_rad=np.full(n, np.radians(1.0)),
         gyr_rad_s=zeros,
         force_m_s2=np.tile([0.0, 0.0, G_M_S2], (n, 1)),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motions import check_phases, cut, least_jerk, overlap, scored, still, without
+from motions import check_phases, cut, least_jerk, overlap, scored, still, with_lever, without
 
 import inhalemon as im
 from inhalemon.devices import load_device
@@ -17,7 +17,7 @@ from inhalemon.report import to_json
 from inhalemon.simulate import MISTAKES
 from inhalemon.stages.phases import find_phases
 from inhalemon.stages.phases.order import LABELS, cheapest_path, transition_costs
-from inhalemon.values import PhaseKind, Report
+from inhalemon.values import Event, EventKind, PhaseKind, Report, Shake
 from validation.second_actor import ATTACKS
 from validation.second_generator import second_session
 
@@ -95,12 +95,18 @@ def test_a_device_that_never_moves_is_only_handled_or_at_rest():
         assert kinds <= {PhaseKind.REST, PhaseKind.HANDLING}
 
 
-def _lifted_and_tilted(tilted_at_s: float):
-    """A trembling hand lifts the device by 25 cm from 5 to 6 s, tilts it back by 25 deg, and undoes both at 10 s."""
-    motion = still(20.0)
+def _lifted(*visits: tuple[float, float, float], duration_s: float = 20.0):
+    """A trembling hand that lifts the device within 1 s, and 5 s later lowers it.
+
+    Of each visit: when it begins, how many metres up, and after how long the device is tilted back by 25 deg.
+    """
+    motion = still(duration_s)
     time_s = motion.time_s
-    tilt = np.radians(25.0) * (least_jerk(time_s, tilted_at_s, 0.8) - least_jerk(time_s, 10.0, 0.8))
-    height = 0.25 * (least_jerk(time_s, 5.0, 1.0) - least_jerk(time_s, 10.0, 1.0))
+    tilt, height = np.zeros((2, time_s.size))
+    for start_s, lift_m, tilted_s in visits:
+        down = least_jerk(time_s, start_s + 5.0, 0.8)
+        tilt += np.radians(25.0) * (least_jerk(time_s, start_s + tilted_s, 0.8) - down) * (tilted_s < 5.0)
+        height += lift_m * (least_jerk(time_s, start_s, 1.0) - down)
     tremor = np.sin(2.0 * np.pi * 8.0 * time_s)[:, None] * np.ones(3)
     gyr = 0.03 * tremor
     gyr[:, 0] += np.gradient(tilt, motion.step_s)
@@ -117,12 +123,45 @@ def _lifted_and_tilted(tilted_at_s: float):
     )
 
 
+_NEVER_S = 9.0
+_SHAKE = Shake(np.arange(8.5, 10.5, 0.2), np.arange(8.7, 10.7, 0.2), 0.0)
+
+
+def _starts(phases, kind: PhaseKind) -> list[float]:
+    return [phase.start_s for phase in phases if phase.kind is kind]
+
+
 @pytest.mark.parametrize("device", DEVICES)
 def test_a_device_turned_on_the_way_is_not_tilted_back(device):
     """Who reads the counter lifts the device and turns its face up meanwhile; who inhales tilts it at the mouth."""
-    inhaled, glance = (find_phases(_lifted_and_tilted(at_s), (), (), load_device(device)) for at_s in (6.4, 5.1))
-    assert [phase.start_s for phase in inhaled if phase.kind is PhaseKind.INHALE] == pytest.approx([6.4], abs=0.1)
-    assert PhaseKind.INHALE not in {phase.kind for phase in glance}
+    inhaled, glance = (
+        find_phases(_lifted((5.0, 0.25, after_s)), (), (), load_device(device)) for after_s in (1.4, 0.1)
+    )
+    assert _starts(inhaled, PhaseKind.INHALE) == pytest.approx([6.4], abs=0.1)
+    assert not _starts(glance, PhaseKind.INHALE)
+
+
+def test_a_device_is_inhaled_from_while_its_cover_is_open():
+    """A second, higher visit with the cover shut is none, but the only one is told: the cover was shut too early."""
+    strokes = [Event(EventKind.OPEN, 1.0, 1.5, 1.5, 95.0), Event(EventKind.CLOSE, 12.0, 12.5, 12.5, 95.0)]
+    both = _lifted((3.0, 0.25, 1.4), (14.0, 0.35, 1.4), duration_s=24.0)
+    shut = _lifted((14.0, 0.35, 1.4), duration_s=24.0)
+    is_open = (both.time_s > 1.0) & (both.time_s < 12.0)
+    for motion, inhaled_s in ((both, 4.4), (shut, 15.4)):
+        phases = find_phases(with_lever(motion, is_open * np.radians(95.0)), (), strokes, load_device("ellipta"))
+        assert _starts(phases, PhaseKind.INHALE) == pytest.approx([inhaled_s], abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("lift_m", "aside_deg", "is_visit"), [(0.3, 0.0, True), (0.3, 60.0, False), (0.13, 0.0, False)]
+)
+def test_what_comes_before_shaking_is_a_visit_if_it_looks_like_the_later_one(lift_m, aside_deg, is_visit):
+    """A glance at the counter turns the device aside, or lifts it less."""
+    motion = _lifted((2.0, lift_m, _NEVER_S), (13.0, 0.3, 1.4), duration_s=24.0)
+    heading = np.where(motion.time_s < 8.0, np.radians(aside_deg), 0.0)
+    phases = find_phases(replace(motion, heading_rad=heading), [_SHAKE], (), load_device("pmdi"))
+    assert _starts(phases, PhaseKind.INHALE) == pytest.approx([14.4], abs=0.1)
+    assert any(start_s < 8.0 for start_s in _starts(phases, PhaseKind.TO_MOUTH)) == is_visit
 
 
 def test_a_plain_hinge_has_no_phases():

@@ -57,11 +57,13 @@ def describe_motion(
     activity = _activity(acc_ref, gyr, rate_hz, settings)
     velocity, offset = _velocity(acc_ref, activity, is_gap, rate_hz, settings)
     up = up_in(q)
+    away = rotate(q, np.array([0.0, 1.0, 0.0]))
     return Motion(
         time_s=time_s,
         rate_hz=rate_hz,
         tilt_rad=tilt_from_upright(q),
         elevation_rad=np.arcsin(np.clip(up[:, 1], -1.0, 1.0)),
+        heading_rad=np.arctan2(away[:, 1], away[:, 0]),
         sd_tilt_rad=at_times(attitude.time_s, attitude.sd_tilt_rad, time_s),
         gyr_rad_s=gyr,
         force_m_s2=force,

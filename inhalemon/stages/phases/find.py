@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from inhalemon.devices import Device
 from inhalemon.settings import PhaseSettings
+from inhalemon.signals import quantile
 from inhalemon.stages.phases.holds import Hold, find_holds
 from inhalemon.stages.phases.order import LABELS, cheapest_path, transition_costs
 from inhalemon.stages.phases.path import Path, carried_since, path_of, table_mask
@@ -114,25 +116,44 @@ def _one_a_dose(
         if stay.likeness >= settings.min_likeness:
             parts.setdefault(part, []).append(stay)
     early = parts.pop(0, []) if begins else []
+    if is_ellipta:
+        likely = [_while_open(rivals, motion, device) for rivals in parts.values()]
+        return [_at_mouth(rivals, settings) for rivals in likely if rivals]
     kept = [_at_mouth(rivals, settings) for rivals in parts.values()]
-    if is_ellipta or not early:
-        return kept
+    early = [stay for stay in early if stay.lift_m > settings.min_lift_m and _is_alike(stay, kept, motion, settings)]
     # Before any preparation nothing is inhaled without a press.
     early = [stay if stay.is_pressed else replace(stay, is_tilted=False) for stay in early]
-    early = [stay for stay in early if stay.lift_m > settings.min_lift_m and _is_alike(stay, kept, settings)]
     return [_at_mouth(early, settings), *kept] if early else kept
 
 
-def _is_alike(early: Stay, kept: Sequence[Stay], settings: PhaseSettings) -> bool:
+def _while_open(rivals: Sequence[Stay], motion: Motion, device: Device) -> list[Stay]:
+    """The stays while the cover is open; only for want of those, the ones with a tilt-back while it is shut."""
+
+    def is_open(stay: Stay) -> bool:
+        return float(quantile(motion.lever_rad[stay.onset : stay.end], 0.5)) > device.partial_stroke_rad
+
+    return [stay for stay in rivals if is_open(stay)] or [stay for stay in rivals if stay.is_tilted]
+
+
+def _is_alike(early: Stay, kept: Sequence[Stay], motion: Motion, settings: PhaseSettings) -> bool:
     """Whether a stay looks like the later ones before their tilt-back; a glance at the counter does not.
 
     That lifts the device less and turns its face to the eyes. Places before and after a shake cannot be compared.
     """
+    is_inhaled = early.is_tilted and early.is_pressed
     if not kept:
-        return True
+        return early.is_tilted or early.is_pressed
     is_lifted = early.lift_m > settings.min_lift_share * max(stay.lift_m for stay in kept)
-    turned = [abs(early.elevation_rad - (stay.elevation_rad - stay.gain_rad)) for stay in kept]
-    return is_lifted and (early.is_tilted or min(turned) < settings.usual_tilt_back_rad)
+    is_high = early.height_m > settings.min_lift_share * max(stay.height_m for stay in kept)
+    raised_rad = [abs(early.elevation_rad - (stay.elevation_rad - stay.gain_rad)) for stay in kept]
+    aside_rad = [abs(_turn(motion.heading_rad[early.onset] - motion.heading_rad[stay.onset])) for stay in kept]
+    is_turned = min(raised_rad) > settings.usual_tilt_back_rad or min(aside_rad) > settings.max_aside_rad
+    return is_lifted and is_high and (is_inhaled or not is_turned)
+
+
+def _turn(angle_rad: float) -> float:
+    """The same turn between -pi and pi."""
+    return math.remainder(angle_rad, 2.0 * math.pi)
 
 
 def _at_mouth(rivals: Sequence[Stay], settings: PhaseSettings) -> Stay:
