@@ -220,6 +220,15 @@ class MotionSettings:
     block_s: Block = 0.04  # step of the velocity solution
     still_acc_m_s2: float = 0.25  # spread of the slow inertial acceleration in a hand that holds still
     still_gyr_rad_s: float = 0.12  # slow angular rate of a hand that holds still, 7 deg/s
+    slow_s: Block = 0.2  # a mean over this takes away most of a tremor of 6-12 Hz; what is left is slow
+    spread_s: Block = 0.4  # in which the slow acceleration spreads
+    # The velocity solution: what a hand does, and what is known of it.
+    sd_acc_m_s2: float = 0.15  # per block, what attitude and accelerometer get wrong from block to block
+    sd_offset_m_s2: float = 0.4  # a level error of 1 deg and an offset of 30 mg
+    offset_walk_m_s2_sqrt_s: float = 0.15  # how far that wanders within a second, as the inhaler turns
+    sd_still_m_s: float = 0.015  # a hand that holds still
+    hardly_still: float = 0.1  # activity at which that is twice as much
+    sd_moving_m_s: float = 1.0  # a hand that does not
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,9 +287,15 @@ class PhaseSettings:
     times_sway: float = 2.0  # the speed of a hand in the stillest quarter of its time
     max_still_speed: float = 1.5
     min_hold_s: float = 0.08
+    bridged_s: float = 0.05  # a shorter start in the midst of stillness is none
+    near_hold: float = 0.2  # of a clear movement from the hold, and ...
+    far_from_hold: float = 0.6  # ... so much: where a movement is seen; it began before
+    near_middle: float = 0.25  # in place of `near_hold` from the hold's middle: it may have wandered since, ...
+    wandering_s: float = 0.15  # ... and is taken for where it was so long before that
     setting_off_s: float = 0.5  # the first of a movement, slow as sway
     max_disturbance_s: float = 0.8  # a press shakes the hand for less
     same_place: float = 0.4  # of a clear movement
+    beside_s: float = 0.1  # before and after a disturbance, where it was
     clear_turn_rad: float = math.radians(10.0)
     clear_move_m: float = 0.05
     # Lying on a table: below a hand's tremor, above the sensors' noise.
@@ -319,6 +334,15 @@ class PhaseSettings:
     max_breath_s: float = 1.5
     fall_m: float = 0.03  # the hand sinks at least so much as the breath is let out
     max_fall_m: float = 0.2
+    # The path over labels: costs in windows' worth of evidence.
+    cost_unlike: float = 3.0  # of a label where nothing speaks for it
+    cost_unlike_cluster: float = 1.0  # of shaking in a still cluster, of rest in one that moves
+    cost_restless_pause: float = 0.5  # of a pause in a cluster that moves: a child's hand
+    cost_handling: float = 1.2  # anywhere; less than a label without evidence, more than half of one
+    cost_change: float = 1.0  # from one label to another
+    cost_skip: float = 0.3  # for each step of the device that is left out
+    cost_back: float = 2.0  # for going back in the device's order
+    refine_s: float = 0.4  # two windows: so far a boundary moves to where its evidence changes
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ from motions import check_phases, cut, least_jerk, overlap, scored, still, with_
 import inhalemon as im
 from inhalemon.devices import load_device
 from inhalemon.report import to_json
+from inhalemon.settings import PhaseSettings
 from inhalemon.simulate import MISTAKES
 from inhalemon.stages.phases import find_phases
 from inhalemon.stages.phases.order import LABELS, cheapest_path, transition_costs
@@ -49,7 +50,7 @@ def test_no_path_is_cheaper_than_the_cheapest(seed, m):
 
 
 def test_leaving_the_order_of_the_steps_costs_more_than_keeping_it():
-    costs = transition_costs(PMDI.steps)
+    costs = transition_costs(PMDI.steps, PhaseSettings())
     at = {kind: k for k, kind in enumerate(LABELS)}
     onward = costs[at[PhaseKind.SHAKE], at[PhaseKind.EXHALE]]
     assert onward < costs[at[PhaseKind.SHAKE], at[PhaseKind.INHALE]]  # a step left out

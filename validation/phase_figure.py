@@ -18,7 +18,7 @@ from inhalemon.recording import read_recording
 from inhalemon.settings import Settings
 from inhalemon.stages.events import find_events
 from inhalemon.stages.motion import describe_motion
-from inhalemon.stages.phases.find import gather_evidence, label_by_path, phases_of
+from inhalemon.stages.phases.find import find_phases, gather_evidence
 from inhalemon.stages.phases.order import LABELS
 from inhalemon.stages.shakes import find_shakes
 from inhalemon.values import PhaseKind
@@ -38,7 +38,7 @@ def draw(path: Path, above: Axes, below: Axes) -> None:
     shakes = find_shakes(motion, settings.shakes)
     events = find_events(motion, shakes, device, settings.events)
     evidence = gather_evidence(motion, shakes, events, device, settings.phases)
-    phases = phases_of(motion, evidence, label_by_path(evidence, device), refine=True)
+    phases = find_phases(motion, shakes, events, device, settings.phases)
 
     edges_s = motion.time_s[np.minimum(evidence.windows.edges, motion.time_s.size - 1)]
     colours = plt.get_cmap("Pastel2")

@@ -32,7 +32,7 @@ STAGES = (
     ("find_holds", "- still holds"),
     ("find_stays", "- stays at the mouth"),
     ("cut_windows", "- windows and k-means"),
-    ("label_by_path", "- cheapest path"),
+    ("cheapest_path", "- cheapest path"),
     ("measure_dose", "measures"),
     ("apply_rules", "findings"),
     ("to_json", "the report's JSON"),

@@ -15,14 +15,15 @@ import numpy as np
 from inhalemon.devices import load_device
 from inhalemon.evaluate import Evaluation, Session, evaluate, session_from_labels, session_from_report
 from inhalemon.pipeline import estimate_tracks, score_recording
-from inhalemon.settings import PhaseSettings, Settings
+from inhalemon.settings import Settings
 from inhalemon.simulate import MISTAKES, simulate_session
 from inhalemon.simulate.truth import Truth
 from inhalemon.stages.events import find_events
 from inhalemon.stages.motion import describe_motion
-from inhalemon.stages.phases.find import gather_evidence, label_by_cluster, label_by_path, phases_of
+from inhalemon.stages.phases.find import Evidence, gather_evidence, phases_of
+from inhalemon.stages.phases.order import cheapest_path, transition_costs
 from inhalemon.stages.shakes import find_shakes
-from inhalemon.values import DeviceKind, Phase, Recording, Verdict
+from inhalemon.values import DeviceKind, IntArray, Recording, Verdict
 from validation.second_actor import ATTACKS
 from validation.second_generator import second_session
 from validation.tables import Table, Target
@@ -224,18 +225,27 @@ def _ablated(job: Job) -> tuple[Session, Session, Session, Session]:
     motion = describe_motion(tracks.recording, tracks.body, tracks.angle, settings.motion)
     shakes = find_shakes(motion, settings.shakes)
     events = find_events(motion, shakes, device, settings.events)
-    evidence = gather_evidence(motion, shakes, events, device, PhaseSettings())
+    evidence = gather_evidence(motion, shakes, events, device, settings.phases)
 
-    def session(phases: tuple[Phase, ...]) -> Session:
-        return Session(session_id=truth.session_id, phases=phases)
+    def session(labels: IntArray, refine_s: float) -> Session:
+        return Session(session_id=truth.session_id, phases=phases_of(motion, evidence, labels, refine_s=refine_s))
 
-    path = label_by_path(evidence, device)
+    path = cheapest_path(evidence.costs, transition_costs(device.steps, settings.phases))
     return (
         session_from_labels(truth.to_labels()),
-        session(phases_of(motion, evidence, label_by_cluster(evidence), refine=False)),
-        session(phases_of(motion, evidence, path, refine=False)),
-        session(phases_of(motion, evidence, path, refine=True)),
+        session(_by_cluster(evidence), 0.0),
+        session(path, 0.0),
+        session(path, settings.phases.refine_s),
     )
+
+
+def _by_cluster(evidence: Evidence) -> IntArray:
+    """The label (m,) of each window by its cluster alone, the cheapest for all of the cluster."""
+    labels = np.empty(evidence.windows.cluster.size, dtype=np.int64)
+    for k in np.unique(evidence.windows.cluster):
+        members = evidence.windows.cluster == k
+        labels[members] = int(np.argmin(evidence.costs[members].mean(axis=0)))
+    return labels
 
 
 def _ablation() -> Table:

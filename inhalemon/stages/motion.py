@@ -12,14 +12,6 @@ from inhalemon.values import STANDARD_GRAVITY_M_S2, AttitudeTrack, BoolArray, Fl
 
 RATE_HZ = 100.0  # of the grid, give or take half a step in all: hands do nothing quicker than a tremor, 12 Hz
 
-# The velocity solution: what a hand does, in SI units.
-_SD_ACC_M_S2 = 0.15  # per block, what attitude and accelerometer get wrong from block to block
-_SD_BIAS_M_S2 = 0.4  # a level error of 1 deg and an offset of 30 mg
-_WALK_BIAS_M_S2 = 0.15  # how far that wanders within a second, as the inhaler turns
-_SD_STILL_M_S = 0.015  # a hand that holds still
-_HARDLY_STILL = 0.1  # activity at which that is twice as much
-_SD_MOVING_M_S = 1.0  # a hand that does not
-
 
 def describe_motion(
     recording: Recording,
@@ -90,14 +82,11 @@ def _in_gaps(grid_s: FloatArray, time_s: FloatArray, long_gap_s: float) -> BoolA
 
 
 def _activity(acc_ref: FloatArray, gyr: FloatArray, rate_hz: float, settings: MotionSettings) -> FloatArray:
-    """How far from still, 1 at the border: slow acceleration's spread over 0.4 s and slow angular rate, in squares.
-
-    Both are smoothed over 0.2 s first, which takes away most of a tremor of 6-12 Hz.
-    """
-    slow = moving_mean(acc_ref, round(0.2 * rate_hz))
-    wide = round(0.4 * rate_hz)
+    """How far from still, 1 at the border: the slow acceleration's spread and the slow angular rate, in squares."""
+    slow = moving_mean(acc_ref, round(settings.slow_s * rate_hz))
+    wide = round(settings.spread_s * rate_hz)
     spread = moving_mean(squares(slow), wide) - squares(moving_mean(slow, wide))
-    turning = moving_mean(gyr, round(0.2 * rate_hz))
+    turning = moving_mean(gyr, round(settings.slow_s * rate_hz))
     still_acc, still_gyr = settings.still_acc_m_s2, settings.still_gyr_rad_s
     activity: FloatArray = np.maximum(spread, 0.0) / still_acc**2 + squares(turning) / still_gyr**2
     return activity
@@ -108,8 +97,9 @@ def _velocity(
 ) -> tuple[FloatArray, FloatArray]:
     """Velocity in the room and the acceleration's slow offset, (n, 3) each, on the grid.
 
-    Minimises, over blocks k of length T with unknown v_k, b_k,
-    sum (v_{k+1} - v_k - (a_k - b_k) T)^2 / (sd_acc T)^2 + v_k^2 / r_k + (b_{k+1} - b_k)^2 / (walk^2 T) + b_k^2 / B.
+    Minimises, over blocks k of length T with unknown v_k, b_k, the sum of
+    (v_{k+1} - v_k - (a_k - b_k) T)^2 / (sd_acc T)^2 + v_k^2 / r_k
+    + (b_{k+1} - b_k)^2 / (walk^2 T) + b_k^2 T / sd_offset^2.
     """
     n = activity.size
     size = max(round(settings.block_s * rate_hz), 1)
@@ -121,16 +111,16 @@ def _velocity(
     level = np.maximum.reduceat(activity, edges)
     lost = np.logical_or.reduceat(is_gap, edges)
 
-    r = np.minimum(_SD_STILL_M_S * (1.0 + level / _HARDLY_STILL), _SD_MOVING_M_S) ** 2
+    r = np.minimum(settings.sd_still_m_s * (1.0 + level / settings.hardly_still), settings.sd_moving_m_s) ** 2
     w_v = 1.0 / r
-    w_a = np.where(lost[:-1], 1e-6, 1.0) / (_SD_ACC_M_S2 * dt) ** 2
-    w_b = 1.0 / (_WALK_BIAS_M_S2**2 * dt)
+    w_a = np.where(lost[:-1], 1e-6, 1.0) / (settings.sd_acc_m_s2 * dt) ** 2
+    w_b = 1.0 / (settings.offset_walk_m_s2_sqrt_s**2 * dt)
     # Unknowns v_0, b_0, v_1, b_1, ...; lower bands of a symmetric matrix of bandwidth 2 (upper ones take longer).
     bands = np.zeros((3, 2 * m))
     bands[0, 0::2] = w_v
     bands[0, 0:-2:2] += w_a
     bands[0, 2::2] += w_a
-    bands[0, 1::2] = dt / _SD_BIAS_M_S2**2
+    bands[0, 1::2] = dt / settings.sd_offset_m_s2**2
     bands[0, 1:-2:2] += w_a * dt**2 + w_b
     bands[0, 3::2] += w_b
     bands[1, 0:-2:2] = -w_a * dt  # v_k with b_k

@@ -44,8 +44,10 @@ def find_phases(
     """
     if device.kind is DeviceKind.HINGE:
         return ()
-    evidence = gather_evidence(motion, shakes, events, device, settings or PhaseSettings())
-    return phases_of(motion, evidence, label_by_path(evidence, device), refine=True)
+    settings = settings or PhaseSettings()
+    evidence = gather_evidence(motion, shakes, events, device, settings)
+    labels = cheapest_path(evidence.costs, transition_costs(device.steps, settings))
+    return phases_of(motion, evidence, labels, refine_s=settings.refine_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,28 +73,13 @@ def gather_evidence(
     stays = _one_a_dose(stays, motion, shakes, events, device, settings)
     windows = cut_windows(motion, path, shakes, settings)
     masks = _masks(motion, path, holds, stays, shakes, events, settings)
-    return Evidence(windows, masks, _costs(masks, windows))
+    return Evidence(windows, masks, _costs(masks, windows, settings))
 
 
-def label_by_path(evidence: Evidence, device: Device) -> IntArray:
-    """The label (m,) of each window: the cheapest path."""
-    return cheapest_path(evidence.costs, transition_costs(device.steps))
-
-
-def label_by_cluster(evidence: Evidence) -> IntArray:
-    """The label (m,) of each window by its cluster alone, the cheapest for all of the cluster: for comparison."""
-    labels = np.empty(evidence.windows.cluster.size, dtype=np.int64)
-    for k in np.unique(evidence.windows.cluster):
-        members = evidence.windows.cluster == k
-        labels[members] = int(np.argmin(evidence.costs[members].mean(axis=0)))
-    return labels
-
-
-def phases_of(motion: Motion, evidence: Evidence, labels: IntArray, *, refine: bool) -> tuple[Phase, ...]:
-    """Windows' labels as phases; refined, their boundaries are those of the candidates at full rate."""
+def phases_of(motion: Motion, evidence: Evidence, labels: IntArray, *, refine_s: float) -> tuple[Phase, ...]:
+    """Windows' labels (m,) as phases; their boundaries are those of the candidates within `refine_s`, at full rate."""
     per_sample = np.repeat(labels, np.diff(evidence.windows.edges))
-    if refine:
-        per_sample = _refined(per_sample, evidence.masks)
+    per_sample = _refined(per_sample, evidence.masks, round(refine_s * motion.rate_hz))
     return _as_phases(motion, per_sample, evidence.costs, evidence.windows)
 
 
@@ -210,23 +197,22 @@ def _masks(
     return all_masks
 
 
-def _costs(masks: Masks, windows: Windows) -> FloatArray:
+def _costs(masks: Masks, windows: Windows, settings: PhaseSettings) -> FloatArray:
     """What each label costs in each window (m, labels): nothing where all speaks for it."""
     shares = window_mean(masks, windows.edges).T
-    costs = np.ascontiguousarray(3.0 * (1.0 - shares))
+    costs = np.ascontiguousarray(settings.cost_unlike * (1.0 - shares))
     # What the clusters look like: a shaking one is no rest, a still one no shake, and pauses are still.
-    costs[:, _COLUMN[PhaseKind.SHAKE]] += 1.0 - windows.shaking
-    costs[:, _COLUMN[PhaseKind.REST]] += 1.0 - windows.stillness
-    costs[:, _COLUMN[PhaseKind.EXHALE]] += 0.5 * (1.0 - windows.stillness)
+    costs[:, _COLUMN[PhaseKind.SHAKE]] += settings.cost_unlike_cluster * (1.0 - windows.shaking)
+    costs[:, _COLUMN[PhaseKind.REST]] += settings.cost_unlike_cluster * (1.0 - windows.stillness)
+    costs[:, _COLUMN[PhaseKind.EXHALE]] += settings.cost_restless_pause * (1.0 - windows.stillness)
     shaken, at_rest = shares[:, _COLUMN[PhaseKind.SHAKE]], shares[:, _COLUMN[PhaseKind.REST]]
-    costs[:, _COLUMN[PhaseKind.HANDLING]] = 1.2 + shaken + at_rest
+    costs[:, _COLUMN[PhaseKind.HANDLING]] = settings.cost_handling + shaken + at_rest
     return costs
 
 
-def _refined(labels: IntArray, masks: Masks) -> IntArray:
+def _refined(labels: IntArray, masks: Masks, reach: int) -> IntArray:
     """Each boundary between two labels moved to the nearby sample where their own evidence changes."""
     refined = labels.copy()
-    reach = 40
     changes = np.flatnonzero(np.diff(labels)) + 1
     for at in changes.tolist():
         low, high = max(at - reach, 0), min(at + reach, labels.size)

@@ -33,7 +33,7 @@ def find_holds(
     A short disturbance after which the device is where it was (a press, a cough) does not end one.
     """
     rate = motion.rate_hz
-    is_still = close_gaps((path.speed < path.still_speed) & ~motion.is_gap, round(0.05 * rate))
+    is_still = close_gaps((path.speed < path.still_speed) & ~motion.is_gap, round(settings.bridged_s * rate))
     for shake in shakes:  # a swing is slow where it turns
         is_still[motion.index(shake.start_s) : motion.index(shake.end_s)] = False
     # Each hold as its still parts: several when something short disturbs it.
@@ -41,13 +41,15 @@ def find_holds(
     for start, end in runs(drop_short(is_still, round(settings.min_hold_s * rate))).tolist():
         if groups and start - groups[-1][-1][1] <= round(settings.max_disturbance_s * rate):
             last = groups[-1][-1][1]
-            apart = path.pose[min(start + 10, end - 1)] - path.pose[max(last - 10, 0)]
+            beside = round(settings.beside_s * rate)
+            apart = path.pose[min(start + beside, end - 1)] - path.pose[max(last - beside, 0)]
             if float(np.linalg.norm(apart)) < settings.same_place:
                 groups[-1].append((start, end))
                 continue
         groups.append([(start, end)])
     holds: list[Hold] = []
     pose = (memory(path.pose.T), path.pose.shape[1])
+    wandering = round(settings.wandering_s * rate)
     for k, parts in enumerate(groups):
         before = groups[k - 1][-1][1] if k else 0
         after = groups[k + 1][0][0] if k + 1 < len(groups) else motion.time_s.size
@@ -55,8 +57,8 @@ def find_holds(
         shortly = round(settings.setting_off_s * rate)
         settled = min(sum(parts[0]) // 2, parts[0][0] + shortly)
         unsettled = max(sum(parts[-1]) // 2, parts[-1][1] - shortly)
-        first = max(_leaving(pose, settled, before - 1), before)
-        last = _leaving(pose, unsettled, after)
+        first = max(_leaving(pose, settled, before - 1, wandering, settings), before)
+        last = _leaving(pose, unsettled, after, wandering, settings)
         if last - first < round(settings.min_hold_s * rate):
             continue  # the hand only paused between two movements
         whole = slice(parts[0][0], parts[-1][1])
@@ -82,7 +84,9 @@ def _laid_down(motion: Motion, arrival: int, end: int, settings: PhaseSettings) 
     return low + int(moved[-1]) + 1 if moved.size else low
 
 
-def _leaving(pose: tuple[memoryview[float], int], begin: int, stop: int) -> int:
+def _leaving(
+    pose: tuple[memoryview[float], int], begin: int, stop: int, wandering: int, settings: PhaseSettings
+) -> int:
     """The sample at which a hold is left: `begin` is within it and `stop` before the next, or after the one before.
 
     `pose` is the path's, (columns, n), and how many columns there are.
@@ -92,13 +96,14 @@ def _leaving(pose: tuple[memoryview[float], int], begin: int, stop: int) -> int:
     somewhere between uniformly accelerated and with the least jerk, distance growing as time squared or cubed.
     """
     step = 1 if stop > begin else -1
-    far = kernel.first_far(*pose, begin, begin, stop, step, 0.6**2)
+    far2 = settings.far_from_hold**2
+    far = kernel.first_far(*pose, begin, begin, stop, step, far2)
     if far == stop:
         return stop
-    near = kernel.first_near(*pose, begin, far, begin - step, -step, 0.25**2)
+    near = kernel.first_near(*pose, begin, far, begin - step, -step, settings.near_middle**2)
     # The hold itself may have wandered: measure again from where it was just before.
-    here = begin + step * max(abs(near - begin) - 15, 0)
-    farther = kernel.first_far(*pose, here, near, stop, step, 0.6**2)
+    here = begin + step * max(abs(near - begin) - wandering, 0)
+    farther = kernel.first_far(*pose, here, near, stop, step, far2)
     far = far if farther == stop else farther
-    near = kernel.first_near(*pose, here, far, begin - step, -step, 0.2**2)
+    near = kernel.first_near(*pose, here, far, begin - step, -step, settings.near_hold**2)
     return begin + step * max(round(abs(near - begin) - 1.4 * abs(far - near)), 0)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from inhalemon import _loops_kernel as kernel
+from inhalemon.settings import PhaseSettings
 from inhalemon.signals import memory
 from inhalemon.values import FloatArray, IntArray, PhaseKind
 
@@ -18,13 +19,12 @@ _ONLY_AFTER = {
     PhaseKind.EXHALE_AFTER: (PhaseKind.BREATH_HOLD,),
 }
 _NEVER = 1e6
-_CHANGE, _SKIP, _BACK = 1.0, 0.3, 2.0  # in windows' worth of evidence
 
 
-def transition_costs(steps: Sequence[PhaseKind]) -> FloatArray:
+def transition_costs(steps: Sequence[PhaseKind], settings: PhaseSettings) -> FloatArray:
     """What it costs to go from one label (row) to another: nothing to stay, more to leave the device's order."""
     rank = {step: k for k, step in enumerate(steps)}
-    costs = np.full((len(LABELS), len(LABELS)), _CHANGE)
+    costs = np.full((len(LABELS), len(LABELS)), settings.cost_change)
     for i, before in enumerate(LABELS):
         for j, after in enumerate(LABELS):
             if i == j:
@@ -33,7 +33,7 @@ def transition_costs(steps: Sequence[PhaseKind]) -> FloatArray:
                 costs[i, j] = _NEVER
             elif before in rank and after in rank:
                 ahead = rank[after] - rank[before]
-                costs[i, j] = _CHANGE + (_SKIP * (ahead - 1) if ahead > 0 else _BACK)
+                costs[i, j] += settings.cost_skip * (ahead - 1) if ahead > 0 else settings.cost_back
     return costs
 
 
