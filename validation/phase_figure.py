@@ -18,7 +18,8 @@ from inhalemon.recording import read_recording
 from inhalemon.settings import Settings
 from inhalemon.stages.events import find_events
 from inhalemon.stages.motion import describe_motion
-from inhalemon.stages.phases.find import find_phases, gather_evidence
+from inhalemon.stages.phases.evidence import gather_evidence
+from inhalemon.stages.phases.find import find_phases
 from inhalemon.stages.phases.order import LABELS
 from inhalemon.stages.shakes import find_shakes
 from inhalemon.values import PhaseKind

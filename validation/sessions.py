@@ -20,7 +20,8 @@ from inhalemon.simulate import MISTAKES, simulate_session
 from inhalemon.simulate.truth import Truth
 from inhalemon.stages.events import find_events
 from inhalemon.stages.motion import describe_motion
-from inhalemon.stages.phases.find import Evidence, gather_evidence, phases_of
+from inhalemon.stages.phases.boundaries import phases_of
+from inhalemon.stages.phases.evidence import Evidence, gather_evidence
 from inhalemon.stages.phases.order import cheapest_path, transition_costs
 from inhalemon.stages.shakes import find_shakes
 from inhalemon.values import DeviceKind, IntArray, Recording, Verdict
