@@ -31,7 +31,7 @@ for finding in report.findings:
 for phase in report.phases[:4]:
     print(f"{phase.kind:<9} {phase.start_s:5.2f} s to {phase.end_s:5.2f} s")
 coordination = report.measures["coordination_s"]
-print(f"press {coordination.value:.2f} s after the inhalation's start (sd {coordination.sd:.2f})")
+print(f"press {coordination.value:.3f} s after the inhalation's start (sd {coordination.sd:.3f})")
 """.strip()
 
 
@@ -62,7 +62,7 @@ def example() -> str:
 
 
 def results() -> str:
-    """Every measured target of RESULTS.md, reached or missed, section by section."""
+    """Every measured target of RESULTS.md, reached or missed, under its section and its table."""
     if not RESULTS.exists():
         return "No run of `make validate` has been kept yet.\n"
     return "\n".join(_targets(RESULTS.read_text(encoding="utf-8"))) + "\n"
@@ -81,11 +81,15 @@ def profile() -> str:
 def _targets(text: str) -> Iterator[str]:
     for section in re.split(r"^## ", text, flags=re.MULTILINE)[1:]:
         title, _, body = section.partition("\n")
-        found = [line for line in body.splitlines() if line.startswith("- ") and "(wanted " in line]
-        if found:
-            yield f"**{title}**\n"
-            yield from found
-            yield ""
+        if "(wanted " not in body:
+            continue
+        yield f"**{title}**\n"
+        for table in re.split(r"^### ", body, flags=re.MULTILINE)[1:]:
+            found = [line for line in table.splitlines() if line.startswith("- ") and "(wanted " in line]
+            if found:
+                yield f"*{table.partition(chr(10))[0]}*\n"
+                yield from found
+                yield ""
 
 
 def _fenced(language: str, text: str) -> str:
