@@ -232,6 +232,12 @@ def test_stream_gives_the_same_as_the_batch():
             assert np.array_equal(getattr(one, name)[0], getattr(batch, name)[k])
 
 
+@pytest.mark.parametrize("method", ["akf_source", "ekf", "gyro"])
+def test_stream_refuses_a_method_that_it_does_not_run(method):
+    with pytest.raises(SettingsError, match=f"method is '{method}'; expected 'akf'"):
+        AttitudeStream(AttitudeSettings(method=method))
+
+
 def test_stream_refuses_time_that_stands_still():
     stream = AttitudeStream()
     stream.push(1.0, GRAVITY, np.zeros(3))

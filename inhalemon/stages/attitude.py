@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from inhalemon import _attitude_kernel as kernel
 from inhalemon import _smoother_kernel as smoothing
 from inhalemon import _source_kernel as source_kernel
-from inhalemon.exceptions import RecordingError
+from inhalemon.exceptions import RecordingError, SettingsError
 from inhalemon.rotation import from_source, from_two_vectors, to_source
 from inhalemon.settings import AttitudeMethod, AttitudeSettings
 from inhalemon.signals import memory
@@ -51,10 +51,17 @@ def estimate_attitude(track: ImuTrack, settings: AttitudeSettings | None = None)
 
 
 class AttitudeStream:
-    """The causal `akf`, sample by sample, for use while recording: the same numbers as `estimate_attitude` gives."""
+    """The causal `akf`, sample by sample, for use while recording: the same numbers as `estimate_attitude` gives.
+
+    Raises `SettingsError` for another method.
+    """
 
     def __init__(self, settings: AttitudeSettings | None = None) -> None:
         self.settings = settings or AttitudeSettings()
+        if self.settings.method is not AttitudeMethod.AKF:
+            raise SettingsError(
+                f"method is {str(self.settings.method)!r}; expected 'akf', the one that runs in a stream"
+            )
         self._akf = _new_filter(self.settings)
         self._time_s = 0.0
 
