@@ -16,10 +16,9 @@ from api.store.reviews import Review
 from api.store.sessions import Session, State
 from api.verdicts import adherence, by_reviewer, mistakes
 from inhalemon.evaluate.agreement import agreement, wilson_interval
-from inhalemon.values import Report, Verdict
+from inhalemon.values import TWO_SIDED_95, Report, Verdict
 
 _BLOCK = 500
-_SIGNIFICANT_Z = 1.959963984540054  # two-sided 5 %
 _MIN_SESSIONS = 4  # below this no order of values is rarer than 5 %
 
 
@@ -87,7 +86,7 @@ def trend(days: Sequence[float], counts: Sequence[int]) -> models.Trend:
     variance = (n * (n - 1) * (2 * n + 5) - ties) / 18
     z = 0.0 if variance == 0 or s == 0 else (s - math.copysign(1, s)) / math.sqrt(variance)
     direction: models.Direction = "steady"
-    if abs(z) >= _SIGNIFICANT_Z:
+    if abs(z) >= TWO_SIDED_95:
         direction = "improving" if z < 0 else "worsening"
     return models.Trend(direction=direction, mistakes_per_30_days=None if slope is None else 30 * slope)
 

@@ -15,8 +15,8 @@ from typing import Final, TypedDict
 
 import orjson
 
-from inhalemon.report.words import in_words
 from inhalemon.values import Verdict
+from inhalemon.words import in_words
 
 LANGUAGES: Final = {"en": "English", "ja": "日本語"}
 _FOLDER: Final = Path(__file__).parent / "locale"

@@ -34,16 +34,21 @@ Block = Annotated[float, Range(0.005, 10.0)]  # seconds: what a recording of an 
 _DEFAULT_RANGES = {float: Range(1e-6, 1e6), int: Range(1, 10_000)}
 
 
-def check_fields(stage: object) -> None:
-    """Brings a stage's fields to their types: whole numbers to float, text to a choice, a list to a tuple.
+class Checked:
+    """What a stage's settings are: a dataclass that holds its fields to their types and ranges.
 
-    Raises `SettingsError` naming the field, what was found and what was wanted.
+    Whole numbers become floats, text a choice, a list a tuple. Raises `SettingsError` naming the field, what was found
+    and what was wanted.
     """
-    for name, wanted in field_types(type(stage)).items():  # type: ignore[arg-type]  # a class can be hashed
-        found = getattr(stage, name)
-        checked = _checked(found, wanted, name)
-        if checked is not found:
-            object.__setattr__(stage, name, checked)
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        for name, wanted in field_types(type(self)).items():  # type: ignore[arg-type]  # a class can be hashed
+            found = getattr(self, name)
+            checked = _checked(found, wanted, name)
+            if checked is not found:
+                object.__setattr__(self, name, checked)
 
 
 @functools.cache

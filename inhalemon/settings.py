@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 from inhalemon.exceptions import SettingsError
-from inhalemon.ranges import Block, NotNegative, Range, Share, check_fields, field_types
+from inhalemon.ranges import Block, Checked, NotNegative, Range, Share, field_types
 from inhalemon.values import STANDARD_GRAVITY_M_S2
 
 
@@ -30,11 +30,8 @@ class AttitudeMethod(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class ClockSettings:
+class ClockSettings(Checked):
     """Two sensors, two clocks: how the offset and drift between them are sought."""
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     # The coarse search: offsets beyond this are believed only when they agree better by `near_preference`.
     max_offset_s: float = 0.5
@@ -72,11 +69,8 @@ class ClockSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class SensorSettings:
+class SensorSettings(Checked):
     """How the sensors' biases are found from the shut lever and from gravity, in a finished recording."""
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     is_used: bool = True
     block_s: Block = 0.2
@@ -98,14 +92,11 @@ class SensorSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class AttitudeSettings:
+class AttitudeSettings(Checked):
     """How attitude is estimated from one sensor's rates and specific force.
 
     Numbers come from data sheets (MPU-9250, LSM9DS1) and from how hands move; none was fitted to one recording.
     """
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     method: AttitudeMethod = AttitudeMethod.AKF
     smooth: bool = True  # use the whole recording for every sample; False: only what came before, as while recording
@@ -170,11 +161,8 @@ class AttitudeSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class LeverSettings:
+class LeverSettings(Checked):
     """How the lever's angle is found from two attitudes."""
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     smooth: bool = True
     # The heading between the two rooms: a Kalman filter on blocks.
@@ -210,11 +198,8 @@ class LeverSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class MotionSettings:
+class MotionSettings(Checked):
     """How the motion of the inhaler in the room is described."""
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     long_gap_s: float = 0.1  # missing samples for longer than this are not bridged in silence
     block_s: Block = 0.04  # step of the velocity solution
@@ -232,11 +217,8 @@ class MotionSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class ShakeSettings:
+class ShakeSettings(Checked):
     """What counts as shaking."""
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     stroke_m_s2: float = 0.6 * STANDARD_GRAVITY_M_S2
     sd_stroke_m_s2: float = (
@@ -250,11 +232,8 @@ class ShakeSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class EventSettings:
+class EventSettings(Checked):
     """How strokes of the lever or cover are found."""
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     smooth_s: float = 0.03
     min_stroke_rad: float = math.radians(1.5)  # of an uncalibrated lever: less is play or a bump
@@ -272,11 +251,8 @@ class EventSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class PhaseSettings:
+class PhaseSettings(Checked):
     """How the session is cut into phases."""
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     window_s: float = 0.2
     n_clusters: int = 8
@@ -346,11 +322,8 @@ class PhaseSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class QualitySettings:
+class QualitySettings(Checked):
     """From where on a recording is doubtful, and from where on it cannot be used."""
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     min_gap_s: float = 0.05  # fixed by the recording format
     max_gap_share: Share = 0.3  # of the session missing; beyond, unusable
@@ -386,11 +359,8 @@ class QualitySettings:
 
 
 @dataclass(frozen=True, slots=True)
-class MeasureSettings:
+class MeasureSettings(Checked):
     """How sure the measures are: standard deviations of single boundaries and angles, found on simulated sessions."""
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     sd_press_s: float = 0.012
     sd_inhalation_start_s: float = 0.015
@@ -415,11 +385,8 @@ class MeasureSettings:
 
 
 @dataclass(frozen=True)  # without slots, so that the digest is worked out once
-class Settings:
+class Settings(Checked):
     """All settings of the pipeline; frozen, hashable, the same digest for the same numbers."""
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     clocks: ClockSettings = field(default_factory=ClockSettings)
     sensors: SensorSettings = field(default_factory=SensorSettings)

@@ -22,6 +22,7 @@ from inhalemon import limits
 from inhalemon.exceptions import RecordingError
 
 STANDARD_GRAVITY_M_S2: Final = 9.80665
+TWO_SIDED_95: Final = 1.959963984540054  # standard deviations that hold 95 % of normal values
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

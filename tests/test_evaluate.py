@@ -134,6 +134,17 @@ def test_mistakes_of_an_unusable_recording_count_as_missed():
     assert result.rules["no_press"].agreement.fn == 1
 
 
+@pytest.mark.parametrize("suffix", ["csv", "csv.gz", "csv.zst"])
+def test_mistakes_of_an_unusable_recording_are_found_by_its_session_whatever_the_file_is_called(tmp_path, suffix):
+    file = tmp_path / f"s.{suffix}"
+    file.write_bytes(b"half a recording")
+    (tmp_path / "s.json").write_text('{"format": "inhalemon-recording/1", "session_id": "visit-7"}')
+    unusable = {"format": "inhalemon-error/1", "file": str(file), "error": {"code": "wrong_header"}}
+    result = compared([unusable], [labels("visit-7", ["no_press"])])
+    assert result.rules["no_press"].agreement.fn == 1
+    assert result.without_labels == result.without_report == ()
+
+
 def test_boundary_errors_are_report_less_label_of_the_best_overlap():
     result = compared(
         [report("a", phases=[("shake", 0.1, 2.0), ("handling", 2.0, 3.0), ("shake", 3.0, 3.2), ("inhale", 3.2, 6.0)])],

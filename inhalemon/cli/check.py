@@ -51,7 +51,7 @@ def check(
 
 def _checked(source: Source, profile: Device | None, settings: Settings) -> Checked:
     from inhalemon.pipeline import estimate_tracks
-    from inhalemon.report import error_to_dict
+    from inhalemon.report.documents import error_to_dict, quality_to_dict
 
     try:
         recording = read_source(source, profile)
@@ -59,10 +59,6 @@ def _checked(source: Source, profile: Device | None, settings: Settings) -> Chec
     except RecordingError as error:
         tell(str(error))
         return error_to_dict(error, file=source.name)
-    flags = [
-        {"code": flag.code, "sensor": None if flag.sensor is None else str(flag.sensor), "detail": flag.detail}
-        for flag in tracks.quality.flags
-    ]
     return {
         "file": source.name,
         "session_id": recording.session_id,
@@ -70,8 +66,7 @@ def _checked(source: Source, profile: Device | None, settings: Settings) -> Chec
         "duration_s": round(float(recording.body.time_s[-1] - recording.body.time_s[0]), 6),
         "body_rate_hz": round(recording.body.rate_hz, 3),
         "lever_rate_hz": round(recording.lever.rate_hz, 3),
-        "usable": tracks.quality.usable,
-        "flags": flags,
+        **quality_to_dict(tracks.quality),
     }
 
 

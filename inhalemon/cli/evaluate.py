@@ -11,6 +11,7 @@ import typer
 
 from inhalemon.cli.output import console, table, write
 from inhalemon.exceptions import LabelsError
+from inhalemon.formats import ERROR_FORMAT, LABELS_FORMAT, REPORT_FORMAT
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -36,10 +37,9 @@ def evaluate(
 
     from inhalemon import evaluate as library
 
-    formats = library.documents.REPORT_FORMAT, library.documents.ERROR_FORMAT
     result = library.evaluate(
-        [library.session_from_report(each) for each in _documents(reports, formats)],
-        [library.session_from_labels(each) for each in _documents(str(labels), (library.documents.LABELS_FORMAT,))],
+        [library.session_from_report(each) for each in _documents(reports, (REPORT_FORMAT, ERROR_FORMAT))],
+        [library.session_from_labels(each) for each in _documents(str(labels), (LABELS_FORMAT,))],
     )
     if form == "json":
         write(orjson.dumps(result.to_dict(), option=orjson.OPT_INDENT_2) + b"\n", out)

@@ -16,8 +16,9 @@ import typer
 from inhalemon.cli.options import Form
 from inhalemon.cli.output import check_writable, console, write, write_whole
 from inhalemon.exceptions import RecordingError
+from inhalemon.formats import ERROR_FORMAT, REPORT_FORMAT
 from inhalemon.report import from_dict
-from inhalemon.report.documents import ERROR_FORMAT, REPORT_FORMAT, Document
+from inhalemon.report.documents import Document
 
 if TYPE_CHECKING:
     from inhalemon.values import Report

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from inhalemon.values import TWO_SIDED_95
+
 Interval = tuple[float, float]
-Z_95 = 1.959963984540054  # the normal deviate of a two-sided 95 % interval
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,9 +55,9 @@ def agreement(tp: int, fp: int, fn: int, tn: int) -> Agreement:
 def wilson_interval(hits: int, n: int) -> Interval:
     """Wilson's (1927) 95 % interval of a proportion, doi 10.1080/01621459.1927.10502953; `n` is at least 1."""
     p = hits / n
-    z2_n = Z_95 * Z_95 / n
+    z2_n = TWO_SIDED_95 * TWO_SIDED_95 / n
     centre = (p + z2_n / 2) / (1 + z2_n)
-    half = Z_95 / (1 + z2_n) * math.sqrt(p * (1 - p) / n + z2_n / (4 * n))
+    half = TWO_SIDED_95 / (1 + z2_n) * math.sqrt(p * (1 - p) / n + z2_n / (4 * n))
     low = 0.0 if hits == 0 else max(0.0, centre - half)
     high = 1.0 if hits == n else min(1.0, centre + half)
     return low, high
@@ -85,7 +86,7 @@ def _kappa(tp: int, fp: int, fn: int, tn: int) -> tuple[float | None, Interval |
     spread = sum(p[i][i] * ((1 - expected) - (row[i] + column[i]) * (1 - observed)) ** 2 for i in (0, 1))
     spread += (1 - observed) ** 2 * sum(p[i][1 - i] * (column[i] + row[1 - i]) ** 2 for i in (0, 1))
     spread -= (observed * expected - 2 * expected + observed) ** 2
-    half = Z_95 * math.sqrt(max(0.0, spread) / n) / (1 - expected) ** 2
+    half = TWO_SIDED_95 * math.sqrt(max(0.0, spread) / n) / (1 - expected) ** 2
     return kappa, (max(-1.0, kappa - half), min(1.0, kappa + half))
 
 

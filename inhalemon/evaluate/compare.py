@@ -22,9 +22,9 @@ from inhalemon.evaluate.segments import (
     spread,
 )
 from inhalemon.exceptions import LabelsError
+from inhalemon.formats import EVALUATION_FORMAT
 from inhalemon.values import Event, Phase, Verdict
 
-FORMAT = "inhalemon-evaluation/1"
 Part = TypeVar("Part", Phase, Event)
 
 
@@ -67,7 +67,7 @@ class Evaluation:
 
     def to_dict(self) -> dict[str, object]:
         """An `inhalemon-evaluation/1` document."""
-        return {"format": FORMAT, **asdict(self)}
+        return {"format": EVALUATION_FORMAT, **asdict(self)}
 
 
 def evaluate(reports: Iterable[Session], labels: Iterable[Session]) -> Evaluation:

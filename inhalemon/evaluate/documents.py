@@ -7,12 +7,9 @@ from dataclasses import dataclass, field
 from typing import cast
 
 from inhalemon.exceptions import LabelsError
-from inhalemon.recording.layout import stem_of
+from inhalemon.formats import ERROR_FORMAT, LABELS_FORMAT, REPORT_FORMAT
+from inhalemon.recording import session_id_of
 from inhalemon.values import Event, EventKind, Measure, Phase, PhaseKind, Report, Verdict
-
-REPORT_FORMAT = "inhalemon-report/1"
-ERROR_FORMAT = "inhalemon-error/1"
-LABELS_FORMAT = "inhalemon-labels/1"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +30,10 @@ class Session:
 
 
 def session_from_report(report: Report | Mapping[str, object]) -> Session:
-    """The session of a `Report`, an `inhalemon-report/1` or an `inhalemon-error/1` document. Raises `LabelsError`."""
+    """The session of a `Report`, an `inhalemon-report/1` or an `inhalemon-error/1` document. Raises `LabelsError`.
+
+    An error names a file and no session: its id is the one in the sidecar that stands beside the file, or its stem.
+    """
     if isinstance(report, Report):
         return Session(
             session_id=report.session_id,
@@ -45,7 +45,7 @@ def session_from_report(report: Report | Mapping[str, object]) -> Session:
         )
     kind = report.get("format")
     if kind == ERROR_FORMAT:
-        return Session(session_id=stem_of(str(report.get("file", ""))), is_scored=False)
+        return Session(session_id=session_id_of(str(report.get("file") or "")), is_scored=False)
     if kind != REPORT_FORMAT:
         raise LabelsError(f"report: format is {kind!r}; expected {REPORT_FORMAT}")
     session_id = str(report.get("session_id"))

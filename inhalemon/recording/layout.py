@@ -10,7 +10,6 @@ from inhalemon.exceptions import RecordingError
 from inhalemon.limits import MAX_TEXT
 from inhalemon.values import STANDARD_GRAVITY_M_S2
 
-FORMAT = "inhalemon-recording/1"
 PARQUET_KEY = b"inhalemon"
 
 MAX_UNPACKED_BYTES = 512 * 2**20

@@ -10,8 +10,9 @@ from types import MappingProxyType
 import orjson
 
 from inhalemon.exceptions import RecordingError
+from inhalemon.formats import RECORDING_FORMAT
 from inhalemon.limits import INSTANT_WANTED, TEXT_WANTED, is_instant, is_plain_text
-from inhalemon.recording.layout import FORMAT, shortened
+from inhalemon.recording.layout import shortened
 from inhalemon.values import STANDARD_GRAVITY_M_S2, DeviceKind, ImuTrack, Recording, SensorInfo, SensorName
 
 MAX_SIDECAR_BYTES = 2**20
@@ -49,7 +50,7 @@ def sidecar_from_json(text: bytes | str, *, file: str) -> Sidecar:
             "bad_sidecar", file=file, line=line, column="sidecar", found="not JSON", wanted="a JSON object"
         ) from error
     if isinstance(parsed, dict) and "format" not in parsed:
-        raise _wrong(file, "format", "missing", f"'{FORMAT}'")
+        raise _wrong(file, "format", "missing", f"'{RECORDING_FORMAT}'")
     return sidecar_from_mapping(parsed, file=file)
 
 
@@ -60,8 +61,8 @@ def sidecar_from_mapping(fields: object, *, file: str) -> Sidecar:
     """
     if not isinstance(fields, Mapping):
         raise _wrong(file, "sidecar", _shown(fields), "a JSON object")
-    if fields.get("format", FORMAT) != FORMAT:
-        raise _wrong(file, "format", _shown(fields["format"]), f"'{FORMAT}'")
+    if fields.get("format", RECORDING_FORMAT) != RECORDING_FORMAT:
+        raise _wrong(file, "format", _shown(fields["format"]), f"'{RECORDING_FORMAT}'")
     return Sidecar(
         session_id=_text(fields, "session_id", file),
         device=_device(fields, file),
@@ -74,7 +75,7 @@ def sidecar_from_mapping(fields: object, *, file: str) -> Sidecar:
 def sidecar_to_mapping(recording: Recording) -> dict[str, object]:
     """The sidecar of a recording, ready for JSON; what is unknown is left out."""
     fields: dict[str, object] = {
-        "format": FORMAT,
+        "format": RECORDING_FORMAT,
         "session_id": recording.session_id,
         "device": str(recording.device),
         "recorded_at": recording.recorded_at,

@@ -10,10 +10,9 @@ import numpy as np
 
 from inhalemon.pipeline import Tracks
 from inhalemon.rotation import tilt_from_upright
-from inhalemon.values import STANDARD_GRAVITY_M_S2, BoolArray, FloatArray
+from inhalemon.values import STANDARD_GRAVITY_M_S2, TWO_SIDED_95, BoolArray, FloatArray
 
 N_BUCKETS: Final = 800  # two points each: about as many as a wide screen has columns
-_TWO_SIDED_95: Final = 1.96
 _GAP_S: Final = 0.25  # longer than this without samples and the line is broken
 _SMALLEST: Final = 1e-12  # below any measurement variance, so that a logarithm exists
 
@@ -42,9 +41,9 @@ def session_panels(tracks: Tracks, *, moving_part: str = "lever") -> tuple[Panel
     """Tilt, lever or cover angle, rates, specific force and the filter's adaptive R, in units for people."""
     recording, body, lever, angle = tracks.recording, tracks.body, tracks.lever, tracks.angle
     tilt = Curve(
-        "tilt", body.time_s, np.degrees(tilt_from_upright(body.q)), _TWO_SIDED_95 * np.degrees(body.sd_tilt_rad)
+        "tilt", body.time_s, np.degrees(tilt_from_upright(body.q)), TWO_SIDED_95 * np.degrees(body.sd_tilt_rad)
     )
-    stroke = Curve("angle", angle.time_s, np.degrees(angle.angle_rad), _TWO_SIDED_95 * np.degrees(angle.sd_rad))
+    stroke = Curve("angle", angle.time_s, np.degrees(angle.angle_rad), TWO_SIDED_95 * np.degrees(angle.sd_rad))
     off_axis = Curve("off the axis", angle.time_s, np.degrees(angle.off_axis_rad))
     gyr_deg_s = np.degrees(recording.body.gyr_rad_s - body.gyr_bias_rad_s)
     rates = (Curve(axis, recording.body.time_s, gyr_deg_s[:, i]) for i, axis in enumerate(("x (hinge)", "y", "z")))

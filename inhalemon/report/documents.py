@@ -12,6 +12,7 @@ from typing import Any, Final
 import orjson
 
 from inhalemon.exceptions import InhalemonError, RecordingError
+from inhalemon.formats import ERROR_FORMAT, REPORT_FORMAT
 from inhalemon.measures import INTERNAL_MEASURES
 from inhalemon.values import (
     DeviceKind,
@@ -32,8 +33,6 @@ from inhalemon.values import (
     Verdict,
 )
 
-REPORT_FORMAT: Final = "inhalemon-report/1"
-ERROR_FORMAT: Final = "inhalemon-error/1"
 _DECIMALS: Final = 6
 
 Document = dict[str, Any]  # JSON: any value that orjson reads and writes
@@ -49,13 +48,7 @@ def to_dict(report: Report) -> Document:
         "settings_digest": report.settings_digest,
         "rules_digest": report.rules_digest,
         "duration_s": _number(report.duration_s),
-        "quality": {
-            "usable": report.quality.usable,
-            "flags": [
-                {"code": flag.code, "sensor": str(flag.sensor) if flag.sensor else None, "detail": flag.detail}
-                for flag in report.quality.flags
-            ],
-        },
+        "quality": quality_to_dict(report.quality),
         "phases": [
             {
                 "kind": str(phase.kind),
@@ -81,6 +74,15 @@ def to_dict(report: Report) -> Document:
         ],
         "score": _score(report.score),
     }
+
+
+def quality_to_dict(quality: Quality) -> Document:
+    """Whether a recording is usable, and what is doubtful about it."""
+    flags = [
+        {"code": flag.code, "sensor": str(flag.sensor) if flag.sensor else None, "detail": flag.detail}
+        for flag in quality.flags
+    ]
+    return {"usable": quality.usable, "flags": flags}
 
 
 def to_json(report: Report, *, indent: bool = False) -> bytes:

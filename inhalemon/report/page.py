@@ -19,8 +19,9 @@ from inhalemon.measures import INTERNAL_MEASURES, MEASURES, unit_of
 from inhalemon.report.counted import counted_from, origin_of
 from inhalemon.report.curves import Panel
 from inhalemon.report.plot import PLOT_HEIGHT, nice_step, panel_html
-from inhalemon.report.words import DISCLAIMER, GRADES, INFERRED, in_words, number
+from inhalemon.report.words import DISCLAIMER, GRADES, INFERRED
 from inhalemon.values import DeviceKind, Dose, Event, Finding, Phase, Report, Score, Verdict
+from inhalemon.words import in_words, number
 
 _DEVICES: Final = {
     DeviceKind.PMDI: "pressurised inhaler (pMDI)",

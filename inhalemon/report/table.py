@@ -12,8 +12,9 @@ from rich.text import Text
 
 from inhalemon.exceptions import InhalemonError
 from inhalemon.measures import INTERNAL_MEASURES, unit_of
-from inhalemon.report.words import DISCLAIMER, GRADES, in_words, number
+from inhalemon.report.words import DISCLAIMER, GRADES
 from inhalemon.values import Finding, Grade, Report, Severity, Verdict
+from inhalemon.words import in_words, number
 
 _SEVERITY_STYLE: Final = {Severity.CRITICAL: "bold red", Severity.MAJOR: "yellow", Severity.MINOR: "cyan"}
 _GRADE_STYLE: Final = {

@@ -1,4 +1,4 @@
-"""Words and numbers as people read them, the same in tables and pages."""
+"""What tables and pages say of every report."""
 
 from __future__ import annotations
 
@@ -19,19 +19,3 @@ GRADES: Final = {
     Grade.CRITICAL_MISTAKES: "critical mistakes",
     Grade.NOT_ASSESSABLE: "not assessable",
 }
-
-
-def in_words(name: str) -> str:
-    """`shake_too_short` and `implied_by:no_press` without their underscores."""
-    return name.replace("_", " ").replace(":", ": ")
-
-
-def number(value: float | None, unit: str | None) -> str:
-    """A number with its unit, or a dash."""
-    if value is None:
-        return "–"
-    if unit == "s":
-        return f"{value:.2f} s"
-    if unit == "deg":
-        return f"{value:.1f}°"
-    return f"{value:g}"

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Final, NoReturn, TypeGuard
 
 from inhalemon.exceptions import RulesError
+from inhalemon.formats import RULES_FORMAT
 from inhalemon.measures import INTERNAL_MEASURES, MEASURES, unit_of
 from inhalemon.rules.model import (
     AllOf,
@@ -31,8 +32,6 @@ from inhalemon.rules.model import (
     Unless,
 )
 from inhalemon.values import DeviceKind, Severity
-
-FORMAT: Final = "inhalemon-rules/1"
 
 Table = Mapping[str, object]
 
@@ -121,8 +120,8 @@ def _base(where: str, top: Table) -> str | None:
 
 def _rules_of(where: str, top: Table) -> Mapping[str, Table]:
     _check_fields(top, _TOP_FIELDS, where)
-    if top.get("format", FORMAT) != FORMAT:
-        _refuse(where, "format", top["format"], repr(FORMAT))
+    if top.get("format", RULES_FORMAT) != RULES_FORMAT:
+        _refuse(where, "format", top["format"], repr(RULES_FORMAT))
     if not isinstance(top.get("profile", "own"), str):
         _refuse(where, "profile", top["profile"], "a text")
     rules = top.get("rules", {})

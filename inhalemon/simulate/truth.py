@@ -11,12 +11,13 @@ from typing import Final, Protocol
 
 import numpy as np
 
+from inhalemon.formats import LABELS_FORMAT
+from inhalemon.recording.layout import stem_of
 from inhalemon.rotation import tilt_from_upright
 from inhalemon.simulate.sensors import Clock
 from inhalemon.simulate.steps import DoseNotes
 from inhalemon.values import STANDARD_GRAVITY_M_S2, DeviceKind, Event, EventKind, FloatArray, IntArray, Phase
 
-LABELS_FORMAT: Final = "inhalemon-labels/1"
 _STROKE_M_S2: Final = 0.6 * STANDARD_GRAVITY_M_S2
 _FULL_OPENING: Final = 0.85  # of the cover's travel
 _MIN_STROKES: Final = 4  # fewer are bumps
@@ -77,8 +78,7 @@ class Truth:
     def write_labels(self, path: str | Path) -> Path:
         """Writes the labels beside a recording: `<stem>.truth.json` for any path of the recording."""
         path = Path(path)
-        stem = path.name.removesuffix(".gz").removesuffix(".zst").removesuffix(".csv").removesuffix(".parquet")
-        target = path.with_name(stem.removesuffix(".truth.json") + ".truth.json")
+        target = path.with_name(stem_of(path.name) + ".truth.json")
         target.write_text(json.dumps(self.to_labels(), indent=1) + "\n", encoding="utf-8")
         return target
 

@@ -18,9 +18,8 @@ from typing import Final
 from inhalemon.devices import Device
 from inhalemon.measures import unit_of
 from inhalemon.rules.model import AnyOf, Comparison, Condition, Limit, Needs, Rule, RuleSet, Shown, Sign
-from inhalemon.values import DeviceKind, Finding, Measure, Severity, Verdict
-
-TWO_SIDED_95: Final = 1.96
+from inhalemon.values import TWO_SIDED_95, DeviceKind, Finding, Measure, Severity, Verdict
+from inhalemon.words import brief, in_words
 
 _COMPARE: Final[dict[Sign, Callable[[float, float], bool]]] = {
     Sign.LESS: operator.lt,
@@ -101,12 +100,12 @@ def _finding(rule: Rule, view: _View, unusable: str | None, cause: Rule | None) 
     if cause is not None:
         return _not_assessed(rule, None, f"implied_by:{cause.id}", f"already told by “{cause.title}”")
     if unusable is not None:
-        return _not_assessed(rule, rule.gravest, unusable, _in_words(unusable))
+        return _not_assessed(rule, rule.gravest, unusable, in_words(unusable))
     if rule.applies is not None:
         outcome = _outcome(rule.applies.condition, view)
         if outcome.truth in (_Truth.NO, _Truth.MISSING):
             reason = outcome.reason or rule.applies.reason
-            return _not_assessed(rule, rule.gravest, reason, _in_words(reason))
+            return _not_assessed(rule, rule.gravest, reason, in_words(reason or "no reason given"))
     return _judged(rule, view)
 
 
@@ -180,14 +179,15 @@ def _told(rule: Rule, view: _View, verdict: Verdict, severity: Severity | None, 
     name, found, limit = outcome.measure, outcome.found, outcome.limit
     if rule.shows is not None and verdict in (Verdict.FAIL, Verdict.PASS):
         name, found, limit = _shown(rule.shows, view)
+    why = in_words(outcome.reason or "no reason given")
     if verdict is Verdict.FAIL:
         message = rule.message
     elif verdict is Verdict.PASS:
         message = rule.ok
     elif verdict is Verdict.INDETERMINATE:
-        message = f"Undecided: {{value}} against a limit of {{limit}}, {_in_words(outcome.reason)}."
+        message = f"Undecided: {{value}} against a limit of {{limit}}, {why}."
     else:
-        message = f"Not assessed: {_in_words(outcome.reason)}."
+        message = f"Not assessed: {why}."
     message = message.replace("{value}", _written(found.value, name)).replace("{limit}", _written(limit, name))
     unit = unit_of(name) if name else rule.unit
     return Finding(
@@ -203,13 +203,4 @@ def _written(value: float | None, measure: str) -> str:
     """A number as a person reads it, with its unit."""
     if value is None:
         return "nothing"
-    unit = unit_of(measure)
-    if unit == "s":
-        return f"{value:.2f}".rstrip("0").rstrip(".") + " s" if abs(value) < 10 else f"{value:.1f} s"
-    if unit == "deg":
-        return f"{value:.1f}".removesuffix(".0") + "°"
-    return f"{value:g} cycles" if measure.endswith("_cycles") else f"{value:g}"
-
-
-def _in_words(reason: str | None) -> str:
-    return (reason or "no reason given").replace("_", " ").replace(":", ": ")
+    return brief(value, unit_of(measure)) + (" cycles" if measure.endswith("_cycles") else "")
