@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from api import operations
+from api.moments import to_iso
 from api.principal import Role, Scope
 from api.problems import ConfigurationError, ProblemError
 from api.settings import ServiceSettings, load, unknown_variables
@@ -86,6 +87,57 @@ def add_user(
         _say(one_time)
 
 
+@app.command("users")
+def users() -> None:
+    """List everybody: name, role, clinics, whether locked out, last login."""
+    with operations.existing(_settings()) as service:
+        for user in operations.every_user(service):
+            state = "active" if user.is_active else "locked out"
+            last = "never" if user.last_login_us is None else to_iso(user.last_login_us)[:16]
+            _say(f"{user.name}\t{user.role}\t{','.join(user.clinics)}\t{state}\tlast login {last}")
+
+
+@app.command("lock-user")
+def lock_user(name: str) -> None:
+    """Lock somebody out of every clinic, and end their logins."""
+    with operations.existing(_settings()) as service:
+        operations.set_active(service, name, is_active=False)
+    _say(f"{name} is locked out.")
+
+
+@app.command("unlock-user")
+def unlock_user(name: str) -> None:
+    """Let somebody in again."""
+    with operations.existing(_settings()) as service:
+        operations.set_active(service, name, is_active=True)
+    _say(f"{name} can log in.")
+
+
+@app.command("reset-password")
+def reset_password(name: str) -> None:
+    """Give somebody a new one-time password, printed on the last line, and end their logins."""
+    with operations.existing(_settings()) as service:
+        one_time = operations.reset_password(service, name)
+    _note("One-time password, to be changed at the first login:")
+    _say(one_time)
+
+
+@app.command("assign-clinic")
+def assign_clinic(name: str, clinic: Annotated[str, typer.Argument(callback=_slug)]) -> None:
+    """Give a pharmacist one more clinic."""
+    with operations.existing(_settings()) as service:
+        operations.assign_clinic(service, name, clinic)
+    _say(f"{name} has {clinic}.")
+
+
+@app.command("withdraw-clinic")
+def withdraw_clinic(name: str, clinic: Annotated[str, typer.Argument(callback=_slug)]) -> None:
+    """Take one of several clinics from a pharmacist."""
+    with operations.existing(_settings()) as service:
+        operations.withdraw_clinic(service, name, clinic)
+    _say(f"{name} no longer has {clinic}.")
+
+
 @app.command("add-key")
 def add_key(
     clinic: Clinic,
@@ -107,7 +159,7 @@ def backup(target: Annotated[Path, typer.Argument(help="a new file, such as inha
     """Write database, recordings and secret to one archive; the service may go on running."""
     from api import upkeep  # noqa: PLC0415
 
-    with operations.opened(_settings()) as service:
+    with operations.existing(_settings(), at_any_schema=True) as service:
         n_recordings = upkeep.back_up(service, target)
     _say(f"{target} holds the database and {n_recordings} recordings. It is as confidential as the service itself.")
 
@@ -132,7 +184,7 @@ def verify() -> None:
     """Check every recording's digest and every clinic's audit chain; 1 when something is wrong."""
     from api import upkeep  # noqa: PLC0415
 
-    with operations.opened(_settings()) as service:
+    with operations.existing(_settings()) as service:
         found = list(upkeep.faults(service))
     for fault in found:
         _say(fault)
@@ -145,7 +197,7 @@ def doctor() -> None:
     """Look whether the service has what it needs; 1 when something wants attention."""
     from api import upkeep  # noqa: PLC0415
 
-    with operations.opened(_settings()) as service:
+    with operations.existing(_settings(), at_any_schema=True) as service:
         found = list(upkeep.advice(service))
     for is_well, told in found:
         _say(f"{'ok    ' if is_well else 'LOOK  '} {told}")

@@ -19,7 +19,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
 import inhalemon
-from api import background, pages, routes
+from api import background, pages, pairing, routes
 from api.answers import problem_answer
 from api.middleware import Envelope
 from api.problems import (
@@ -35,7 +35,6 @@ from api.rendering import problem_page
 from api.scoring import Scorer
 from api.service import Service
 from api.settings import ServiceSettings
-from api.store import schema
 
 log = structlog.get_logger(__name__)
 
@@ -99,7 +98,7 @@ class _Static(StaticFiles):
 
 
 def _make_ready(service: Service) -> None:
-    schema.migrate(service.store)
+    pairing.make_ready(service)
     removed = service.files.sweep()
     background.resume(service)
     log.info("ready", database=service.store.url.get_backend_name(), unfinished_uploads_removed=removed)

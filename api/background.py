@@ -25,8 +25,9 @@ ACTOR = "service"
 
 
 def resume(service: Service) -> None:
-    """After a start: what was stored and not scored is due, and what was to be erased goes."""
+    """After a start: what was stored and not scored is due, what was to be erased goes, and no request is under way."""
     with service.store.write() as connection:
+        chores.release_unfinished(connection)
         waiting = sessions.all_due(connection)
     if waiting:
         log.info("unscored sessions found", count=waiting)

@@ -171,6 +171,23 @@ class RawFiles:
             probe.sync()
 
 
+def write_once(path: Path, content: bytes) -> None:
+    """Write a file that only its owner may read; whoever is first wins."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh = path.with_name(f"{path.name}.{secrets.token_hex(4)}")
+    handle = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(handle, "wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    try:
+        os.link(fresh, path)
+    except FileExistsError:
+        pass
+    finally:
+        fresh.unlink()
+
+
 def _make_durably(folder: Path, root: Path) -> None:
     """Make `folder` below `root`, syncing each folder that gained a child."""
     if folder.is_dir():

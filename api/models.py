@@ -323,6 +323,7 @@ class UserOut(_Out):
     name: str
     role: Role
     clinics: list[str]
+    is_yours_alone: bool = Field(description="no other clinic's: you may lock out, let in and give a new password")
     is_active: bool
     created_at: datetime
     last_login_at: datetime | None = None

@@ -8,13 +8,13 @@ import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from api import auth
+from api import auth, pairing
 from api.intake import metadata_of, store
 from api.principal import Role, Scope
 from api.problems import ConfigurationError, InvalidError
 from api.service import Service
 from api.settings import ServiceSettings
-from api.store import people, schema
+from api.store import Connection, people
 from api.uploads import SUFFIXES, Received, Upload
 
 ACTOR = "operator"
@@ -24,13 +24,21 @@ FIRST_USER = "admin"
 
 @contextlib.contextmanager
 def opened(settings: ServiceSettings) -> Iterator[Service]:
-    """The service's parts for one command, beside a server that may be running."""
+    """The service's parts for a command beside a server that may be running; what is missing is made."""
     service = Service(settings, owns_checkpoints=False)
-    try:
-        schema.migrate(service.store)
+    with contextlib.closing(service):
+        pairing.make_ready(service)
         yield service
-    finally:
-        service.close()
+
+
+@contextlib.contextmanager
+def existing(settings: ServiceSettings, *, at_any_schema: bool = False) -> Iterator[Service]:
+    """The same for a command that makes nothing. Raises `ConfigurationError` when the data are not there."""
+    pairing.require_there(settings)
+    service = Service(settings, owns_checkpoints=False)
+    with contextlib.closing(service):
+        pairing.require_database(service, at_any_schema=at_any_schema)
+        yield service
 
 
 @contextlib.contextmanager
@@ -63,6 +71,7 @@ def add_user(
     service: Service, name: str, role: Role, clinics: Sequence[str], password: str | None = None
 ) -> str | None:
     """A one-time password, unless one was given. Clinics are made when they are new. Raises `ConflictError`."""
+    clinics = list(dict.fromkeys(clinics))
     if role != Role.PHARMACIST and len(clinics) != 1:
         raise InvalidError("Only a pharmacist can have several clinics.")
     one_time = auth.one_time_password() if password is None else None
@@ -77,6 +86,56 @@ def add_user(
         for clinic_id in ids:
             service.audit.record(connection, clinic_id, ACTOR, "user.added", f"user:{name.lower()}", role=role)
     return one_time
+
+
+def every_user(service: Service) -> list[people.User]:
+    """Everybody, by name."""
+    with service.store.read() as connection:
+        return people.users_of(connection, list(people.clinic_slugs(connection).values()))
+
+
+def set_active(service: Service, name: str, *, is_active: bool) -> None:
+    """Lock somebody out of everything, or let them in again. Raises `NotFoundError`."""
+    with service.store.write() as connection:
+        user = people.require_user(connection, name)
+        people.set_active(connection, user.id, is_active=is_active)
+        _note_change(service, connection, user, is_active=is_active)
+
+
+def reset_password(service: Service, name: str) -> str:
+    """A new one-time password of somebody, whose logins end. Raises `NotFoundError`."""
+    one_time = auth.one_time_password()
+    password_hash = auth.hash_password(one_time)
+    with service.store.write() as connection:
+        user = people.require_user(connection, name)
+        people.set_password(connection, user.id, password_hash, must_change=True)
+        _note_change(service, connection, user, password_reset=True)
+    return one_time
+
+
+def assign_clinic(service: Service, name: str, slug: str) -> None:
+    """Give a pharmacist one more clinic. Raises `NotFoundError`, and `InvalidError` for any other role."""
+    with service.store.write() as connection:
+        user, clinic_id = people.require_user(connection, name), people.require_clinic(connection, slug)
+        if user.role != Role.PHARMACIST:
+            raise InvalidError("Only a pharmacist can have several clinics.")
+        people.add_to_clinic(connection, user.id, clinic_id)
+        service.audit.record(connection, clinic_id, ACTOR, "user.assigned", f"user:{user.name}")
+
+
+def withdraw_clinic(service: Service, name: str, slug: str) -> None:
+    """Take one of several clinics from a pharmacist. Raises `NotFoundError`, `InvalidError`."""
+    with service.store.write() as connection:
+        user, clinic_id = people.require_user(connection, name), people.require_clinic(connection, slug)
+        if set(user.clinics) <= {slug}:
+            raise InvalidError(f"{slug} is the only clinic of {user.name}; lock the person out instead.")
+        people.drop_from_clinic(connection, user.id, clinic_id)
+        service.audit.record(connection, clinic_id, ACTOR, "user.withdrawn", f"user:{user.name}")
+
+
+def _note_change(service: Service, connection: Connection, user: people.User, **detail: object) -> None:
+    for clinic_id in user.clinics.values():
+        service.audit.record(connection, clinic_id, ACTOR, "user.changed", f"user:{user.name}", **detail)
 
 
 def add_key(

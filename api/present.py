@@ -147,6 +147,7 @@ def user(found: User, visible: Mapping[str, str]) -> models.UserOut:
         name=found.name,
         role=Role(found.role),
         clinics=[slug for slug in found.clinics if slug in visible],
+        is_yours_alone=found.clinics.keys() <= visible.keys(),
         is_active=found.is_active,
         created_at=to_datetime(found.created_at_us),
         last_login_at=None if found.last_login_us is None else to_datetime(found.last_login_us),

@@ -6,13 +6,12 @@ import base64
 import binascii
 import hashlib
 import hmac
-import os
 import secrets
 from collections.abc import Sequence
-from pathlib import Path
 
 import orjson
 
+from api.files import write_once
 from api.problems import BadRequestError, ConfigurationError
 from api.settings import ServiceSettings
 
@@ -58,25 +57,8 @@ def load(settings: ServiceSettings) -> Secret:
         return Secret(hashlib.sha256(settings.secret.get_secret_value().encode()).digest())
     path = settings.data_dir / "secret.key"
     if not path.exists():
-        _write_once(path, secrets.token_bytes(_LENGTH))
+        write_once(path, secrets.token_bytes(_LENGTH))
     content = path.read_bytes()
     if len(content) != _LENGTH:
         raise ConfigurationError(f"{path} holds {len(content)} bytes, expected {_LENGTH}; restore it from the backup")
     return Secret(content)
-
-
-def _write_once(path: Path, content: bytes) -> None:
-    """Write a file that only its owner may read; whoever is first wins."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fresh = path.with_name(f"{path.name}.{secrets.token_hex(4)}")
-    handle = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(handle, "wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    try:
-        os.link(fresh, path)
-    except FileExistsError:
-        pass
-    finally:
-        fresh.unlink()

@@ -14,6 +14,9 @@ from pydantic import Field, SecretStr, ValidationError, field_validator, model_v
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from api.problems import ConfigurationError
+from inhalemon.exceptions import RulesError, SettingsError
+from inhalemon.rules import load_rules
+from inhalemon.settings import Settings
 
 _PREFIX = "INHALEMON_"
 _SECRETS = {"secret", "oidc_client_secret", "database_url"}  # never repeated; a URL may hold a password
@@ -108,9 +111,21 @@ class ServiceSettings(BaseSettings):
 
     @field_validator("scoring_settings")
     @classmethod
-    def _readable(cls, given: Path | None) -> Path | None:
-        if given is not None and not given.is_file():
-            raise ValueError(f"{given} is not a file")
+    def _good_settings(cls, given: Path | None) -> Path | None:
+        try:
+            if given is not None:
+                Settings.from_toml(given)
+        except SettingsError as error:  # now, not at every upload
+            raise ValueError(str(error)) from error
+        return given
+
+    @field_validator("scoring_rules")
+    @classmethod
+    def _good_rules(cls, given: str) -> str:
+        try:
+            load_rules(given)
+        except RulesError as error:
+            raise ValueError(str(error)) from error
         return given
 
     @model_validator(mode="after")

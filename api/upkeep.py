@@ -9,10 +9,12 @@ import tarfile
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 import orjson
 
 import inhalemon
+from api import pairing
 from api.moments import now_us, to_iso
 from api.problems import ConfigurationError
 from api.service import Service
@@ -23,6 +25,7 @@ FORMAT = "inhalemon-backup/1"
 _MANIFEST = "manifest.json"
 _DATABASE = "database"
 _SECRET = "secret.key"
+_BESIDE = (_SECRET, pairing.NAME)
 
 
 # ------------------------------------------------------------------------------------------ backup and restore
@@ -31,8 +34,8 @@ _SECRET = "secret.key"
 def back_up(service: Service, target: Path) -> int:
     """Write one archive with database, recordings and secret, while the service may run; how many recordings it holds.
 
-    The database is copied first, at one moment: every recording that it mentions is on the disk by then.
-    The archive is as confidential as the service itself.
+    The database is copied first, at one moment: every recording that the copy mentions is on the disk by then, and no
+    other belongs into the archive, which is as confidential as the service itself.
     """
     if target.exists():
         raise ConfigurationError(f"{target} is there already; choose another name")
@@ -41,7 +44,7 @@ def back_up(service: Service, target: Path) -> int:
     with tempfile.TemporaryDirectory(dir=target.parent) as folder, contextlib.ExitStack() as stack:
         stack.callback(fresh.unlink, missing_ok=True)
         database = Path(folder) / _DATABASE
-        copying.dump(service.store, database)
+        mentioned = copying.dump(service.store, database)
         fresh.touch(mode=0o600)
         with tarfile.open(fresh, "w") as archive:
             manifest = {
@@ -53,15 +56,14 @@ def back_up(service: Service, target: Path) -> int:
             }
             _add_bytes(archive, _MANIFEST, orjson.dumps(manifest))
             archive.add(database, _DATABASE)
-            secret = service.settings.data_dir / _SECRET
-            if secret.is_file():
-                archive.add(secret, _SECRET)
-            with service.store.read() as connection:
-                for clinic_id, sha256 in sessions.contents(connection):
-                    path = service.files.path(clinic_id, sha256)
-                    with contextlib.suppress(FileNotFoundError):  # uploaded or erased since the copy
-                        archive.add(path, f"raw/{clinic_id}/{sha256[:2]}/{path.name}")
-                        n_recordings += 1
+            for name in _BESIDE:
+                with contextlib.suppress(FileNotFoundError):  # the secret may be in the settings
+                    archive.add(service.settings.data_dir / name, name)
+            for clinic_id, sha256 in mentioned:
+                path = service.files.path(clinic_id, sha256)
+                with contextlib.suppress(FileNotFoundError):  # erased since the copy
+                    archive.add(path, f"raw/{clinic_id}/{sha256[:2]}/{path.name}")
+                    n_recordings += 1
         fresh.replace(target)
     return n_recordings
 
@@ -78,29 +80,30 @@ def restore(settings: ServiceSettings, source: Path) -> None:
     if data_dir.exists() and any(data_dir.iterdir()):
         raise ConfigurationError(f"{data_dir} is not empty; restore into a new folder, then look before you replace")
     with tarfile.open(source) as archive:
-        manifest = orjson.loads(_read(archive, _MANIFEST))
+        manifest = orjson.loads(_member(archive, _MANIFEST).read())
         if manifest.get("format") != FORMAT:
             raise ConfigurationError(f"{source} is not a backup of this service")
         data_dir.mkdir(mode=0o700, parents=True, exist_ok=True)
-        members = [each for each in archive.getmembers() if each.name == _SECRET or each.name.startswith("raw/")]
+        members = [each for each in archive.getmembers() if each.name in _BESIDE or each.name.startswith("raw/")]
         archive.extractall(data_dir, members=members, filter="data")
+        (data_dir / "raw").mkdir(exist_ok=True)
         if (data_dir / _SECRET).is_file():
             (data_dir / _SECRET).chmod(0o600)
         with tempfile.TemporaryDirectory(dir=data_dir) as folder:
             copy = Path(folder) / _DATABASE
             with copy.open("wb") as file:
-                shutil.copyfileobj(io.BytesIO(_read(archive, _DATABASE)), file)
+                shutil.copyfileobj(_member(archive, _DATABASE), file)
             copying.load(settings.database, copy, backend=manifest["database"])
 
 
-def _read(archive: tarfile.TarFile, name: str) -> bytes:
+def _member(archive: tarfile.TarFile, name: str) -> IO[bytes]:
     try:
         file = archive.extractfile(name)
     except KeyError as error:
         raise ConfigurationError(f"the archive has no {name}: it is no backup, or not whole") from error
     if file is None:
         raise ConfigurationError(f"the archive's {name} is no file")
-    return file.read()
+    return file
 
 
 # ------------------------------------------------------------------------------------------ verify and doctor

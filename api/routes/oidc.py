@@ -80,8 +80,12 @@ async def come_back(
 
 
 def _let_in(request: Request, service: Service, name: str, answer: Response) -> None:
-    with service.store.read() as connection:
+    with service.store.write() as connection:
         user = people.user_named(connection, name)
-    if user is None or not user.is_active:
-        raise NotAllowedError("Your organisation knows you, this service does not; ask its administrator to add you.")
+        if user is None or not user.is_active:
+            raise NotAllowedError(
+                "Your organisation knows you, this service does not; ask its administrator to add you."
+            )
+        if user.must_change_password:  # made here with a one-time password that nobody needs now
+            people.drop_password(connection, user.id)
     open_login(request, service, user, answer, "oidc")

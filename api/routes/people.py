@@ -35,7 +35,8 @@ def list_users(service: ServiceDep, who: Administrator) -> list[UserOut]:
 
 @router.post("/users", status_code=201, summary="Add somebody", responses=dict(problems(404, 409)))
 def add_user(service: ServiceDep, who: Administrator, given: UserIn) -> UserMade:
-    clinic_ids = [who.one_clinic(slug) for slug in given.clinics] if given.clinics else list(who.clinic_ids)
+    named = dict.fromkeys(given.clinics or ())
+    clinic_ids = [who.one_clinic(slug) for slug in named] or list(who.clinic_ids)
     if given.role != Role.PHARMACIST and len(clinic_ids) != 1:
         raise InvalidError("Only a pharmacist can have several clinics.")
     password = auth.one_time_password()

@@ -10,7 +10,7 @@ from sqlalchemy import Connection, bindparam, delete, exists, select, update
 from api.moments import DAY_US, SECOND_US, new_id, now_us
 from api.problems import NotFoundError
 from api.store.engine import insert_new, insert_or_replace
-from api.store.tables import deliveries, heartbeat, idempotency, idempotency_sessions, webhooks
+from api.store.tables import deliveries, heartbeat, idempotency, idempotency_sessions, origin, webhooks
 
 _KEY_LIFE_US = DAY_US
 _UNFINISHED_LIFE_US = 600 * SECOND_US
@@ -20,6 +20,16 @@ _DELIVERY_LIFE_US = 30 * DAY_US
 def beat(connection: Connection) -> None:
     """Write one row: the proof that the database can be written to."""
     insert_or_replace(connection, heartbeat, {"id": 1, "at_us": now_us()}, key=["id"])
+
+
+def bound_to(connection: Connection) -> str | None:
+    """The identifier of the data folder that this database belongs to, once it has one."""
+    return connection.scalar(select(origin.c.data_id))
+
+
+def bind(connection: Connection, data_id: str) -> None:
+    """Let the database belong to this data folder, unless it belongs to one."""
+    insert_new(connection, origin, {"id": 1, "data_id": data_id})
 
 
 # ------------------------------------------------------------------------------------------ idempotency
@@ -74,6 +84,11 @@ def forget_answers(connection: Connection, session_id: str) -> None:
     told = idempotency_sessions.c
     its_own = (told.actor_id == idempotency.c.actor_id) & (told.key == idempotency.c.key)
     connection.execute(delete(idempotency).where(exists().where(its_own, told.session_id == session_id)))
+
+
+def release_unfinished(connection: Connection) -> None:
+    """Forget the keys of requests that ended with the server that had them."""
+    connection.execute(delete(idempotency).where(idempotency.c.status.is_(None)))
 
 
 def release_key(connection: Connection, actor_id: str, key: str) -> None:

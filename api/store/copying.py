@@ -9,22 +9,32 @@ import sqlite3
 import subprocess
 from pathlib import Path
 
+from sqlalchemy import text
 from sqlalchemy.engine import URL, make_url
 
 from api.problems import ConfigurationError
+from api.store import sessions
 from api.store.engine import Store
 
 
-def dump(store: Store, target: Path) -> None:
-    """Copy the database at one moment: SQLite's own backup, or `pg_dump`. Raises `ConfigurationError`."""
+def dump(store: Store, target: Path) -> list[tuple[str, str]]:
+    """Copy the database at one moment: SQLite's own backup, or `pg_dump`. Raises `ConfigurationError`.
+
+    Returns (clinic, SHA-256) of every session in the copy, which others may have left behind by now.
+    """
     if store.is_sqlite:
         with (
             contextlib.closing(sqlite3.connect(str(store.url.database))) as source,
             contextlib.closing(sqlite3.connect(target)) as copy,
         ):
             source.backup(copy)
-        return
-    _run("pg_dump", store.url, "--format=custom", "--no-owner", f"--file={target}")
+            return copy.execute("SELECT clinic_id, sha256 FROM sessions").fetchall()
+    with store.engine.connect().execution_options(isolation_level="REPEATABLE READ") as connection:
+        snapshot = connection.scalar(text("SELECT pg_export_snapshot()"))
+        mentioned = list(sessions.contents(connection))
+        options = ("--format=custom", "--no-owner", f"--snapshot={snapshot}", f"--file={target}")
+        _run("pg_dump", store.url, *options)
+    return mentioned
 
 
 def load(url: str, source: Path, *, backend: str) -> None:

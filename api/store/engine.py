@@ -67,6 +67,10 @@ class Store:
     def _postgresql(self) -> Engine:
         return create_engine(self.url, pool_pre_ping=True, hide_parameters=True, **_POOL)
 
+    def is_there(self) -> bool:
+        """Whether there is a database; connecting to a missing one of SQLite would make it."""
+        return not self.is_sqlite or Path(str(self.url.database)).is_file()
+
     @contextlib.contextmanager
     def read(self) -> Iterator[Connection]:
         """A connection that sees one state and writes nothing."""

@@ -66,6 +66,14 @@ def clinic_slugs(connection: Connection, ids: Iterable[str] | None = None) -> di
     return {row.slug: row.id for row in connection.execute(statement)}
 
 
+def require_clinic(connection: Connection, slug: str) -> str:
+    """The clinic's identifier. Raises `NotFoundError`."""
+    found = connection.scalar(select(clinics.c.id).where(clinics.c.slug == slug))
+    if found is None:
+        raise NotFoundError(f"There is no clinic {slug!r}.")
+    return str(found)
+
+
 # ------------------------------------------------------------------------------------------ people
 
 
@@ -112,6 +120,14 @@ def user_named(connection: Connection, name: str) -> User | None:
     return _user(connection, users.c.name == name.lower())
 
 
+def require_user(connection: Connection, name: str) -> User:
+    """The person of this name. Raises `NotFoundError`."""
+    user = user_named(connection, name)
+    if user is None:
+        raise NotFoundError(f"There is nobody named {name!r}.")
+    return user
+
+
 def users_of(connection: Connection, clinic_ids: Sequence[str]) -> list[User]:
     """The people of these clinics, by name."""
     member = select(user_clinics.c.user_id).where(user_clinics.c.clinic_id.in_(clinic_ids))
@@ -127,6 +143,13 @@ def set_password(connection: Connection, user_id: str, password_hash: str, *, mu
     connection.execute(delete(web_sessions).where(web_sessions.c.user_id == user_id))
 
 
+def drop_password(connection: Connection, user_id: str) -> None:
+    """Whoever is vouched for by somebody else needs no password, and a one-time password must not stay open."""
+    connection.execute(
+        update(users).where(users.c.id == user_id).values(password_hash=None, must_change_password=False)
+    )
+
+
 def set_active(connection: Connection, user_id: str, *, is_active: bool) -> None:
     connection.execute(update(users).where(users.c.id == user_id).values(is_active=is_active))
     if not is_active:
@@ -135,6 +158,11 @@ def set_active(connection: Connection, user_id: str, *, is_active: bool) -> None
 
 def add_to_clinic(connection: Connection, user_id: str, clinic_id: str) -> None:
     insert_new(connection, user_clinics, {"user_id": user_id, "clinic_id": clinic_id})
+
+
+def drop_from_clinic(connection: Connection, user_id: str, clinic_id: str) -> None:
+    its_own = (user_clinics.c.user_id == user_id) & (user_clinics.c.clinic_id == clinic_id)
+    connection.execute(delete(user_clinics).where(its_own))
 
 
 # ------------------------------------------------------------------------------------------ logins

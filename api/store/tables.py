@@ -270,6 +270,14 @@ deliveries = Table(
     Column("last_answer", Text),
 )
 
+# The data folder that this database belongs to: one row.
+origin = Table(
+    "origin",
+    metadata,
+    Column("id", Integer, primary_key=True, autoincrement=False),
+    Column("data_id", Text, nullable=False),
+)
+
 heartbeat = Table(
     "heartbeat",
     metadata,

@@ -313,6 +313,30 @@ def test_an_administrator_adds_and_locks_out_people_of_the_own_clinic_only(serve
         assert client.get("/v1/me").status_code == 401
 
 
+def test_whom_an_administrator_may_not_change_the_page_does_not_offer(server, new_clinic):
+    ours, theirs = new_clinic(), new_clinic()
+    name = f"mori-{ours.slug}"
+    operations.add_user(server.service, name, Role.PHARMACIST, [ours.slug, theirs.slug], "correct horse battery")
+    boss = ours.client("administrator")
+    (listed,) = boss.get("/v1/users").json()
+    assert (listed["name"], listed["clinics"], listed["is_yours_alone"]) == (name, [ours.slug], False)
+    assert boss.patch(f"/v1/users/{name}", json={"is_active": False}).status_code == 404
+    admin = f"boss-{ours.slug}"
+    operations.add_user(server.service, admin, Role.ADMINISTRATOR, [ours.slug], "correct horse battery")
+    with logged_in(server, admin, "correct horse battery") as client:
+        page = client.get("/settings").text
+    assert name in page
+    assert f"/settings/users/{name}" not in page
+
+
+def test_a_clinic_named_twice_is_one(clinic):
+    boss = clinic.client("administrator")
+    made = boss.post(
+        "/v1/users", json={"name": f"abe-{clinic.slug}", "role": "clinician", "clinics": [clinic.slug] * 2}
+    )
+    assert (made.status_code, made.json()["clinics"]) == (201, [clinic.slug])
+
+
 def test_passwords_are_kept_as_argon2id(server, person):
     with server.service.store.read() as connection:
         user = people.user_named(connection, person)

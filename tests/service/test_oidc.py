@@ -15,7 +15,7 @@ import pytest
 from cryptography.hazmat.primitives.asymmetric import rsa
 from running import serving, settings_for
 
-from api import operations
+from api import auth, operations
 from api.principal import Role
 
 KEY = rsa.generate_private_key(public_exponent=65537, key_size=2048)
@@ -93,7 +93,7 @@ def organisation(tmp_path_factory):
         oidc_client_secret=CLIENT[1],
     )
     with serving(settings) as server:
-        operations.add_user(server.service, "ito@clinic.example", Role.CLINICIAN, ["north"], "not used at all")
+        operations.add_user(server.service, "ito@clinic.example", Role.CLINICIAN, ["north"])
         yield provider, server
     provider.close()
 
@@ -115,6 +115,21 @@ def test_who_the_organisation_vouches_for_is_let_in(organisation):
         assert asked["code_challenge_method"] == "S256"
         assert (answer.status_code, answer.headers["location"]) == (303, "/queue")
         assert client.get("/v1/me").json()["name"] == "ito@clinic.example"
+        assert client.get("/queue").status_code == 200
+        assert client.get("/v1/sessions").status_code == 200
+
+
+def test_who_was_made_in_the_settings_is_not_sent_to_a_form_for_passwords(organisation):
+    """Nor does the one-time password that was shown go on opening the door."""
+    _, server = organisation
+    boss = operations.add_key(server.service, "north", Role.ADMINISTRATOR).key
+    with server.client(boss) as client:
+        made = client.post("/v1/users", json={"name": "abe@clinic.example", "role": "clinician"}).json()
+    with server.client() as client:
+        _, answer = come_back(organisation, client, email="abe@clinic.example")
+        assert (answer.status_code, answer.headers["location"]) == (303, "/queue")
+        assert client.get("/queue").status_code == 200
+    assert auth.check_password(server.service.store, "abe@clinic.example", made["one_time_password"]) is None
 
 
 @pytest.mark.parametrize(

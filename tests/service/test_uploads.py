@@ -16,6 +16,7 @@ import inhalemon as im
 from api import operations
 from api.moments import DAY_US, now_us, to_iso
 from api.principal import Role
+from api.store import chores, people
 from inhalemon.recording import write_recording
 
 CSV = {"content-type": "text/csv"}
@@ -119,6 +120,19 @@ def test_a_key_for_once_repeats_the_first_answer(clinic, recording):
     assert again.json() == first.json()
     other = send(clinic, recording(seed=10), headers=headers)
     assert (other.status_code, other.json()["code"]) == (422, "idempotency_key_reused")
+
+
+def test_a_key_for_once_whose_request_died_with_the_server_can_be_sent_again(tmp_path, database, recording):
+    url = database()
+    with serving(settings_for(tmp_path / "data", url, workers=0)) as server:
+        key = operations.add_key(server.service, "north", Role.CLINICIAN).key
+        with server.service.store.write() as connection:  # as a request leaves it that is under way at a power cut
+            holder = people.key_with_prefix(connection, key.split("_")[1]).id
+            assert chores.claim_key(connection, holder, "upload-1", "POST /v1/sessions x") is None
+    with serving(settings_for(tmp_path / "data", url, workers=1)) as server, server.client(key) as client:
+        headers = CSV | {"idempotency-key": "upload-1"}
+        answer = client.post("/v1/sessions?device=pmdi", content=recording(seed=9), headers=headers)
+        assert answer.status_code == 201, answer.text
 
 
 def test_a_key_for_once_covers_several_files_until_one_of_them_is_erased(clinic, recording):
