@@ -266,6 +266,14 @@ def test_interruption_is_quiet_and_keeps_what_is_done(stuck_batch, three, asked,
     assert ids(documents(out.read_bytes())) == [f"{number:02}" for number in range(12)]
 
 
+def test_results_that_lie_among_the_recordings_are_none(good):
+    out = good / "out.csv"
+    assert run(["score", str(good), "--out", str(out)]) == 0
+    before = out.read_bytes()
+    assert run(["score", str(good), "--out", str(out)]) == 0
+    assert out.read_bytes() == before
+
+
 def test_sessions_of_one_name_are_counted_not_merged(three, tmp_path):
     out = tmp_path / "out.jsonl"
     for folder in ("a", "b"):

@@ -53,7 +53,8 @@ def score(
     JSONL an inhalemon-error/1 document takes its place, and the exit code is 3.
     """
     profile, chosen, rule_set = device_of(device), settings_of(settings), rules_of(rules)
-    found = sources(paths)
+    # The results of an earlier run may lie in the folder that is walked.
+    found = [source for source in sources(paths) if out is None or Path(source.name).absolute() != out.absolute()]
     is_single = len(paths) == 1 and (paths[0] == STANDARD_INPUT or not Path(paths[0]).is_dir())
 
     from inhalemon.cli.batch import run_batch, usable_cores
