@@ -295,6 +295,7 @@ class PhaseSettings(Checked):
     mouth_way_m: float = 0.12  # the way to the mouth is longer, for a child too
     lowered_m: float = 0.03
     min_lift_m: float = 0.12  # of a stay without a tilt
+    raised_m: float = 0.03  # of one with a press, out of a hold in the hand
     leaving_s: float = 8.0  # a breath may be held with the device at the mouth
     pause_speed: float = 0.3  # clear movements a second
     settling_s: float = 0.6  # a hand settles within this

@@ -165,6 +165,14 @@ def test_what_comes_before_shaking_is_a_visit_if_it_looks_like_the_later_one(lif
     assert any(start_s < 8.0 for start_s in _starts(phases, PhaseKind.TO_MOUTH)) == is_visit
 
 
+@pytest.mark.parametrize("presses", [[Event(EventKind.PRESS, 13.8, 14.0, 14.3, 15.0)], []])
+def test_out_of_a_hold_near_the_mouth_a_press_shows_the_visit(presses):
+    """Who never tilts and breathes out close to the mouth rises little; without a press that is no visit."""
+    motion = _lifted((9.5, 0.25, _NEVER_S), (12.5, 0.11, _NEVER_S))
+    phases = find_phases(motion, [_SHAKE], presses, load_device("pmdi"))
+    assert any(start_s > 11.0 for start_s in _starts(phases, PhaseKind.TO_MOUTH)) == bool(presses)
+
+
 def test_a_plain_hinge_has_no_phases():
     assert find_phases(still(20.0), (), (), load_device("hinge")) == ()
 

@@ -92,7 +92,8 @@ def _while_open(rivals: Sequence[Stay], motion: Motion, device: Device) -> list[
 def _is_alike(early: Stay, kept: Sequence[Stay], motion: Motion, settings: PhaseSettings) -> bool:
     """Whether a stay looks like the later ones before their tilt-back; a glance at the counter does not.
 
-    That lifts the device less and turns its face to the eyes. Places before and after a shake cannot be compared.
+    That lifts the device less and turns its face to the eyes; and what was not held in the hand before has only been
+    picked up. Places before and after a shake cannot be compared.
     """
     is_inhaled = early.is_tilted and early.is_pressed
     if not kept:
@@ -102,7 +103,8 @@ def _is_alike(early: Stay, kept: Sequence[Stay], motion: Motion, settings: Phase
     raised_rad = [abs(early.elevation_rad - (stay.elevation_rad - stay.gain_rad)) for stay in kept]
     aside_rad = [abs(_turn(motion.heading_rad[early.onset] - motion.heading_rad[stay.onset])) for stay in kept]
     is_turned = min(raised_rad) > settings.usual_tilt_back_rad or min(aside_rad) > settings.max_aside_rad
-    return is_lifted and is_high and (is_inhaled or not is_turned)
+    is_picked_up = early.pause[0] == early.pause[1]
+    return is_lifted and is_high and (is_inhaled or not (is_turned or is_picked_up))
 
 
 def _turn(angle_rad: float) -> float:

@@ -68,7 +68,12 @@ def find_stays(
         # What turns while it is carried turns on the way: a glance at the counter.
         is_tilted = is_tilted and not (path.has_place and _speed(motion, tilted_at) > settings.carried_m_s)
         lift_m = hold.height_m - float(quantile(path.height_m[barrier : low + 1], 0.5))
-        is_lifted = lasts_s >= settings.min_untilted_stay_s and lift_m > settings.min_lift_m
+        # Out of a hold near the mouth it may have risen less, if it is pressed there.
+        has_paused = k > 0 and not holds[k - 1].on_table and holds[k - 1].end > barrier
+        least_m = (
+            settings.raised_m if has_paused and _is_pressed(motion, presses, low, hold.end) else settings.min_lift_m
+        )
+        is_lifted = lasts_s >= settings.min_untilted_stay_s and lift_m > least_m
         if not (is_tilted or is_lifted):
             continue
         carried_in = _farthest(path, slice(barrier, low + 1), hold)
@@ -83,8 +88,7 @@ def find_stays(
             back = min(carried_out / settings.mouth_way_m, 1.0) * 2.0 - 1.0
         else:
             there, back = _tilt_alone(path, signal, gain_rad, low, hold, round(settings.leaving_s * rate), settings)
-        begin_s, end_s = motion.time_s[min(low, holds[first].start)], motion.time_s[hold.end - 1]
-        is_pressed = any(begin_s - 1.0 < press.start_s < end_s for press in presses)
+        is_pressed = _is_pressed(motion, presses, min(low, holds[first].start), hold.end)
         if is_tilted:
             likeness = max(gain + there + back + is_pressed, 0.0) / 4.0
         elif min(there, back) > 0.5:
@@ -117,6 +121,12 @@ def _speed(motion: Motion, at: int) -> float:
     """How fast the device is carried, m/s, over a fifth of a second."""
     around = round(0.1 * motion.rate_hz)
     return float(np.linalg.norm(motion.velocity_ref_m_s[max(at - around, 0) : at + around].mean(axis=0)))
+
+
+def _is_pressed(motion: Motion, presses: Sequence[Event], begin: int, end: int) -> bool:
+    """Whether a press begins in a stretch, or shortly before it."""
+    begin_s, end_s = motion.time_s[begin], motion.time_s[end - 1]
+    return any(begin_s - 1.0 < press.start_s < end_s for press in presses)
 
 
 def _visit(path: Path, holds: Sequence[Hold], k: int, barrier: int, before_m: float, after_m: float) -> tuple[int, int]:
