@@ -15,7 +15,9 @@ CHANNELS = (
     "acc_y_m_s2",
     "acc_z_m_s2",
     "acc_norm_m_s2",
+    "lever_acc_norm_m_s2",
     "r",
+    "lever_r",
 )
-LAYOUT = 1  # raised whenever the channels change: it is part of the cached files' names
+LAYOUT = 2  # raised whenever the channels change: it is part of the cached files' names
 DEFAULT = ("tilt_deg", "angle_deg", "gyr_norm_deg_s", "acc_norm_m_s2")

@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 
 from inhalemon.pipeline import Tracks
+from inhalemon.report.panels import CurveKind, PanelKind, panel_kinds
 from inhalemon.rotation import tilt_from_upright
-from inhalemon.values import STANDARD_GRAVITY_M_S2, TWO_SIDED_95, BoolArray, FloatArray
+from inhalemon.values import TWO_SIDED_95, BoolArray, FloatArray
 
 N_BUCKETS: Final = 800  # two points each: about as many as a wide screen has columns
 _GAP_S: Final = 0.25  # longer than this without samples and the line is broken
@@ -37,27 +38,42 @@ class Panel:
     is_log: bool = False
 
 
+def channels(tracks: Tracks) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Everything that can be drawn of a session, in units for people, by name: the times (n,) and the values (n,)."""
+    recording, angle = tracks.recording, tracks.angle
+    body, lever = (recording.body, tracks.body), (recording.lever, tracks.lever)
+    gyr_deg_s = np.degrees(recording.body.gyr_rad_s - tracks.body.gyr_bias_rad_s)
+    at_body, acc_m_s2 = recording.body.time_s, recording.body.acc_m_s2
+    found = {
+        "tilt_deg": (tracks.body.time_s, np.degrees(tilt_from_upright(tracks.body.q))),
+        "tilt_sd_deg": (tracks.body.time_s, np.degrees(tracks.body.sd_tilt_rad)),
+        "angle_deg": (angle.time_s, np.degrees(angle.angle_rad)),
+        "angle_sd_deg": (angle.time_s, np.degrees(angle.sd_rad)),
+        "off_axis_deg": (angle.time_s, np.degrees(angle.off_axis_rad)),
+        "gyr_norm_deg_s": (at_body, np.linalg.norm(gyr_deg_s, axis=1)),
+    }
+    for i, axis in enumerate("xyz"):
+        found[f"gyr_{axis}_deg_s"] = (at_body, gyr_deg_s[:, i])
+        found[f"acc_{axis}_m_s2"] = (at_body, acc_m_s2[:, i])
+    for prefix, (imu, track) in (("", body), ("lever_", lever)):
+        found[f"{prefix}acc_norm_m_s2"] = (imu.time_s, np.linalg.norm(imu.acc_m_s2, axis=1))
+        found[f"{prefix}r"] = (track.time_s, track.r)
+    return found
+
+
 def session_panels(tracks: Tracks, *, moving_part: str = "lever") -> tuple[Panel, ...]:
-    """Tilt, lever or cover angle, rates, specific force and the filter's adaptive R, in units for people."""
-    recording, body, lever, angle = tracks.recording, tracks.body, tracks.lever, tracks.angle
-    tilt = Curve(
-        "tilt", body.time_s, np.degrees(tilt_from_upright(body.q)), TWO_SIDED_95 * np.degrees(body.sd_tilt_rad)
-    )
-    stroke = Curve("angle", angle.time_s, np.degrees(angle.angle_rad), TWO_SIDED_95 * np.degrees(angle.sd_rad))
-    off_axis = Curve("off the axis", angle.time_s, np.degrees(angle.off_axis_rad))
-    gyr_deg_s = np.degrees(recording.body.gyr_rad_s - body.gyr_bias_rad_s)
-    rates = (Curve(axis, recording.body.time_s, gyr_deg_s[:, i]) for i, axis in enumerate(("x (hinge)", "y", "z")))
-    parts = (("body", recording.body, body), (moving_part, recording.lever, lever))
-    forces = (
-        Curve(name, imu.time_s, np.linalg.norm(imu.acc_m_s2, axis=1) / STANDARD_GRAVITY_M_S2) for name, imu, _ in parts
-    )
-    variances = (Curve(name, track.time_s, np.log10(np.maximum(track.r, _SMALLEST))) for name, _, track in parts)
-    return (
-        Panel("Tilt from upright", "°", (tilt,)),
-        Panel(f"{moving_part.capitalize()} angle", "°", (stroke, off_axis)),
-        Panel("Rate of the body", "°/s", tuple(rates)),
-        Panel("Specific force", "g", tuple(forces)),
-        Panel("R of the adaptive filter", body.r_unit.replace("2", "²"), tuple(variances), is_log=True),
+    """The curves of each panel (see `panels.panel_kinds`)."""
+    found = channels(tracks)
+
+    def curve(kind: CurveKind, panel: PanelKind) -> Curve:
+        time_s, value = found[kind.channel]
+        value = np.log10(np.maximum(value, _SMALLEST)) if panel.is_log else value / panel.per_unit
+        half_width = None if kind.sd_channel is None else TWO_SIDED_95 * found[kind.sd_channel][1] / panel.per_unit
+        return Curve(kind.name, time_s, value, half_width)
+
+    return tuple(
+        Panel(panel.title, panel.unit, tuple(curve(each, panel) for each in panel.curves), panel.is_log)
+        for panel in panel_kinds(moving_part, tracks.body.r_unit)
     )
 
 
