@@ -88,6 +88,13 @@ def principal_of_login(service: Service, token: str) -> Principal | None:
     return None if user is None else auth.principal_of_user(user, csrf_token(service, token))
 
 
+async def visitor(request: Request) -> Principal | None:
+    """The person whose browser this is, for pages that anybody may see."""
+    token = request.cookies.get(COOKIE)
+    service = await service_of(request)
+    return None if token is None else await run_in_threadpool(principal_of_login, service, token)
+
+
 async def require_csrf(request: Request, wanted: str) -> None:
     """Raises `CsrfError` unless the request carries the token. (A form that was read here can be read again.)"""
     given = request.headers.get("x-csrf-token")

@@ -20,6 +20,7 @@ from starlette.exceptions import HTTPException
 
 import inhalemon
 from api import background, pages, pairing, routes
+from api.access import visitor
 from api.answers import problem_answer
 from api.middleware import Envelope
 from api.problems import (
@@ -112,14 +113,17 @@ async def _on_problem(request: Request, error: Exception) -> Response:
     problem = error if isinstance(error, ProblemError) else ProblemError("")
     if _is_for_a_person(request) and request.method == "GET":
         if isinstance(problem, NotLoggedInError):
-            return RedirectResponse(f"/login?next={quote(request.url.path)}", status_code=303)
+            here = request.url.path + (f"?{request.url.query}" if request.url.query else "")
+            return RedirectResponse(f"/login?next={quote(here)}", status_code=303)
         if isinstance(problem, PasswordChangeError):
             return RedirectResponse("/password", status_code=303)
-    return _answer(request, problem)
+    return await _answer(request, problem)
 
 
-def _answer(request: Request, problem: ProblemError) -> Response:
-    return problem_page(request, problem) if _is_for_a_person(request) else problem_answer(problem, request.url.path)
+async def _answer(request: Request, problem: ProblemError) -> Response:
+    if not _is_for_a_person(request):
+        return problem_answer(problem, request.url.path)
+    return problem_page(request, problem, await visitor(request))
 
 
 async def _on_invalid(request: Request, error: Exception) -> Response:
@@ -127,14 +131,14 @@ async def _on_invalid(request: Request, error: Exception) -> Response:
     found = error.errors() if isinstance(error, RequestValidationError) else []
     places = [{"where": ".".join(str(part) for part in each["loc"]), "wanted": each["msg"]} for each in found]
     told = "; ".join(f"{each['where']}: {each['wanted']}" for each in places)
-    return _answer(request, InvalidError(f"{told}.", errors=places))
+    return await _answer(request, InvalidError(f"{told}.", errors=places))
 
 
 async def _on_http(request: Request, error: Exception) -> Response:
     status = error.status_code if isinstance(error, HTTPException) else 500
     headers = dict(error.headers or {}) if isinstance(error, HTTPException) else {}
     if status == 404:
-        return _answer(request, NotFoundError("There is nothing at this address."))
+        return await _answer(request, NotFoundError("There is nothing at this address."))
     if status == 405:  # the framework names the methods of the first route alone
         headers["allow"] = ", ".join(sorted(_methods(request.url.path)))
     kind = _KINDS.get(status, ProblemError)
@@ -142,7 +146,7 @@ async def _on_http(request: Request, error: Exception) -> Response:
     problem.status = status
     if kind is ProblemError and status < 500:
         problem.kind, problem.title = f"http-{status}", "The request cannot be answered as it is"
-    return _answer(request, problem)
+    return await _answer(request, problem)
 
 
 _KINDS = {400: BadRequestError, 403: NotAllowedError}

@@ -16,12 +16,12 @@ from typing import Final, TypedDict
 import orjson
 
 from inhalemon.values import Verdict
-from inhalemon.words import in_words
+from inhalemon.words import brief, in_words, number
 
 LANGUAGES: Final = {"en": "English", "ja": "日本語"}
 _FOLDER: Final = Path(__file__).parent / "locale"
 _NUMBER: Final = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?")
-_UNITS: Final = {"en": {"s": " s", "deg": "°", "count": ""}, "ja": {"s": " 秒", "deg": "°", "count": ""}}
+_SECONDS: Final = {"en": " s", "ja": " 秒"}
 
 
 class Catalogue(TypedDict):
@@ -56,18 +56,16 @@ class Words:
         return catalogue(self.language)["names"].get(kind, {})
 
     def quantity(self, value: float | None, unit: str | None) -> str:
-        """A number with its unit, or a dash."""
-        if value is None:
-            return "–"
-        digits = {"s": f"{value:.2f}", "deg": f"{value:.1f}"}.get(unit or "", f"{value:g}")
-        return self._with_unit(digits, unit)
+        """A number with its unit, or a dash, as reports have it."""
+        return self._localised(number(value, unit))
 
     def limit(self, value: float | None, unit: str | None) -> str:
         """A limit with its unit: a number that somebody wrote, so without the digits that a measurement has."""
-        return "–" if value is None else self._with_unit(f"{value:.4g}", unit)
+        return self._localised(number(value, unit) if value is None else brief(value, unit))
 
-    def _with_unit(self, digits: str, unit: str | None) -> str:
-        return digits.replace("-", "−") + _UNITS[self.language].get(unit or "", "")
+    def _localised(self, text: str) -> str:
+        seconds = _SECONDS[self.language]
+        return (text.removesuffix(" s") + seconds if text.endswith(" s") else text).replace("-", "−")
 
     def flag(self, code: str, detail: str) -> str | None:
         """A flag's detail by its code, with the numbers of the report's own in their order; `None`: in English only."""

@@ -19,6 +19,7 @@ from api.store.sessions import State
 from api.words import Words, catalogue, preferred
 from inhalemon.measures import MEASURES
 from inhalemon.pipeline import score_recording
+from inhalemon.report.panels import panel_kinds
 from inhalemon.report.words import DISCLAIMER, INFERRED
 from inhalemon.rules import load_rules
 from inhalemon.simulate import simulate_session
@@ -41,6 +42,9 @@ RULES = load_rules("default").rules
 def _said() -> set[str]:
     """English texts in templates and pages."""
     texts = {DISCLAIMER, INFERRED, *(place.title for place in rendering._PLACES), *upload._SAID_BY_THE_SCRIPT.values()}
+    for part in ("lever", "cover", "second part"):
+        for panel in panel_kinds(part):
+            texts |= set() if panel.is_log else {panel.title, *(curve.name for curve in panel.curves)} - {"y", "z"}
     for path in (API / "templates").glob("*.html"):
         text = path.read_text(encoding="utf-8")
         texts |= set(re.findall(r"\bt\(\s*'([^']*)'", text))

@@ -82,7 +82,7 @@ def test_page_is_well_formed_and_tells_what_it_must(page):
         "major mistakes",
         "85 of 100 points",
         "The press came late: 1.4 s, where 0.9 s is the latest wanted.",
-        "1.40 s limit 0.90 s",
+        "1.40 s limit 0.9 s",
         "Not assessed: inhalation end not seen.",
         "attitude and motion do not show how fast the air flows",
         "press 13°",

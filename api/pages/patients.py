@@ -56,6 +56,5 @@ def _drawn(found: Progress, words: Words, titles: Mapping[str, str]) -> dict[str
             }
             for each in found.sessions
         ],
-        "language": words.language,
         "words": {"points": words("points"), "kept": words("steps kept, %")},
     }

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 import orjson
-from fastapi import APIRouter, Form, Request, Response
+from fastapi import APIRouter, Form, Query, Request, Response
 from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 
@@ -28,7 +28,9 @@ from api.store.reviews import ReviewKind
 from api.store.sessions import State
 from api.viewing import SessionView
 from api.words import Words
+from inhalemon.devices import load_device
 from inhalemon.measures import MEASURES, unit_of
+from inhalemon.report.panels import panel_kinds
 from inhalemon.values import DeviceKind, Verdict
 
 router = APIRouter(prefix="/sessions", tags=["pages"], include_in_schema=False)
@@ -37,10 +39,19 @@ ShortText = Annotated[str | None, Form(max_length=2000)]
 
 
 @router.get("/{session_id}")
-def session_page(request: Request, service: ServiceDep, who: Reader, session_id: SessionId) -> Response:
+def session_page(
+    request: Request,
+    service: ServiceDep,
+    who: Reader,
+    session_id: SessionId,
+    dose: Annotated[int | None, Query(ge=1)] = None,
+) -> Response:
+    """The session; with `dose`, the findings and measures of that dose alone."""
     found = viewing.session_view(service, who, session_id)
     words = words_for(request)
     report = None if found.report is None else orjson.loads(found.report.body)
+    if dose is not None and (report is None or dose > len(report["doses"])):
+        raise NotFoundError(f"There is no dose {dose} in this session.")
     is_held = found.lease is not None and found.lease.reviewer_id != who.id
     content: dict[str, Any] = {
         "session": present.summary(found.session, found.mistakes),
@@ -50,9 +61,9 @@ def session_page(request: Request, service: ServiceDep, who: Reader, session_id:
         "holder": found.lease.reviewer if found.lease is not None and is_held else None,
     }
     if report is not None:
-        content |= _review(request, service, who, found)
-        content["drawn"] = _drawn(session_id, report, words)
-        content["measures"] = _measures(report, words)
+        content |= _review(request, service, who, found, dose)
+        content["drawn"] = _drawn(session_id, report, words, dose)
+        content["measures"] = _measures(report if dose is None else report["doses"][dose - 1], words)
     return render(request, "session.html", content, who=who)
 
 
@@ -151,10 +162,14 @@ def _review_part(request: Request, service: Service, who: Principal, found: Sess
     return render(request, "_review.html", content, who=who)
 
 
-def _review(request: Request, service: Service, who: Principal, found: SessionView) -> dict[str, Any]:
+def _review(
+    request: Request, service: Service, who: Principal, found: SessionView, dose: int | None = None
+) -> dict[str, Any]:
+    """The review; beside the findings of one dose nothing is said, since a review is of the whole session."""
     if found.report is None:
         raise NotFoundError(f"Session {found.session.id} is {found.session.state}.")
     report = orjson.loads(found.report.body)
+    shown = report if dose is None else report["doses"][dose - 1]
     history = present.history(found.session, found.entries)
     words, titles = words_for(request), rule_titles(service)
     signed_off = [
@@ -162,7 +177,7 @@ def _review(request: Request, service: Service, who: Principal, found: SessionVi
     ]
     return {
         "session": present.summary(found.session, found.mistakes),
-        "groups": findings.grouped(report, history, words, titles, actor=who.actor),
+        "groups": findings.grouped(shown, history, words, titles, actor=who.actor),
         "history": history,
         "signed_off": signed_off,
         "has_signed": any(entry.reviewer == who.actor for entry in signed_off),
@@ -170,7 +185,8 @@ def _review(request: Request, service: Service, who: Principal, found: SessionVi
         "titles": titles,
         "never_seen": findings.NEVER_SEEN,
         "missed": [rule for rule in rules_of(service, report["device"]) if _could_be_added(rule, report)],
-        "may_review": Scope.REVIEW in who.scopes,
+        "may_review": Scope.REVIEW in who.scopes and dose is None,
+        "dose": dose,
         "is_part": False,
     }
 
@@ -179,7 +195,7 @@ def _could_be_added(rule: str, report: Mapping[str, Any]) -> bool:
     return all(finding["verdict"] != Verdict.FAIL for finding in report["findings"] if finding["rule"] == rule)
 
 
-def _drawn(session_id: str, report: Mapping[str, Any], words: Words) -> dict[str, Any]:
+def _drawn(session_id: str, report: Mapping[str, Any], words: Words, dose: int | None) -> dict[str, Any]:
     """What the script draws: phases and events with their names, and the words it needs."""
     phases, events = report["phases"], report["events"]
     times = [each[name] for each in (*phases, *events) for name in ("start_s", "end_s")]
@@ -189,21 +205,30 @@ def _drawn(session_id: str, report: Mapping[str, Any], words: Words) -> dict[str
         "end_s": max(times, default=report["duration_s"]),
         "phases": [phase | {"name": words.name("phase", phase["kind"])} for phase in phases],
         "events": [event | {"name": words.name("event", event["kind"])} for event in events],
-        "language": words.language,
+        "dose": None if dose is None else {name: report["doses"][dose - 1][name] for name in ("start_s", "end_s")},
+        "panels": _panels(report["device"], words),
         "words": {
-            "tilt": words("Tilt from upright"),
-            "tilt_curve": words("tilt"),
-            "angle": words("Cover angle") if report["device"] == "ellipta" else words("Lever angle"),
-            "angle_curve": words("angle"),
-            "off_axis": words("off the axis"),
-            "rates": words("Rate of the body"),
-            "force": words("Specific force"),
-            "force_curve": words("amount"),
-            "hinge": words("x (hinge)"),
             "failed": words("The curves could not be loaded."),
             "to": words("to"),
+            "nowhere": words("This finding belongs to no one place in the curves."),
         },
     }
+
+
+def _panels(device: str, words: Words) -> list[dict[str, Any]]:
+    """The panels that the library draws too, but what only an engineer asks for (the filter's R)."""
+    return [
+        {
+            "title": words(panel.title),
+            "unit": panel.unit,
+            "scale": 1 / panel.per_unit,
+            "curves": [
+                {"channel": curve.channel, "sd": curve.sd_channel, "name": words(curve.name)} for curve in panel.curves
+            ],
+        }
+        for panel in panel_kinds(load_device(device).moving_part)
+        if not panel.is_log
+    ]
 
 
 def _measures(report: Mapping[str, Any], words: Words) -> list[dict[str, str]]:

@@ -31,8 +31,11 @@ def sessions_page(
 ) -> Response:
     found = viewing.list_view(service, who, narrowed, order=order, clinic=clinic, cursor=cursor, limit=_SHOWN)
     chosen = {name: value for name, value in request.query_params.items() if name != "cursor" and value}
+    if "rule" in chosen:
+        chosen.setdefault("verdict", str(Verdict.FAIL))
     content = {
         "page": found,
+        "is_narrowed": bool(chosen.keys() - {"order"}),
         "chosen": chosen,
         "older": None if found.next is None else urlencode(chosen | {"cursor": found.next}),
         "is_first": cursor is None,

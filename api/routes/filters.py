@@ -27,10 +27,11 @@ _Moment = Annotated[datetime, BeforeValidator(_as_written)]
 
 async def _filter(
     patient: Annotated[str | None, Query(max_length=64, description="exact patient_ref")] = None,
+    patient_part: Annotated[str | None, Query(max_length=64, description="a part of patient_ref, in any case")] = None,
     device: DeviceKind | None = None,
     grade: Grade | None = None,
     state: Literal[State.UNSCORED, State.SCORED, State.UNUSABLE] | None = None,
-    rule: Annotated[str | None, Query(max_length=64, description="a rule that has the verdict given, or any")] = None,
+    rule: Annotated[str | None, Query(max_length=64, description="a rule that failed, or has `verdict`")] = None,
     verdict: Verdict | None = None,
     reviewed: Annotated[bool | None, Query(description="signed off, or not")] = None,
     since: Annotated[_Moment | None, Query(description="recorded (or else uploaded) at or after")] = None,
@@ -38,11 +39,12 @@ async def _filter(
 ) -> Filter:
     return Filter(
         patient_ref=patient,
+        patient_part=patient_part,
         device=device,
         grade=grade,
         state=state,
         rule=rule,
-        verdict=verdict,
+        verdict=Verdict.FAIL if verdict is None and rule is not None else verdict,
         reviewed=reviewed,
         since_us=None if since is None else from_datetime(since),
         until_us=None if until is None else from_datetime(until),

@@ -27,6 +27,7 @@ class Filter:
     """What a list is narrowed to; `None` narrows nothing."""
 
     patient_ref: str | None = None
+    patient_part: str | None = None
     device: str | None = None
     grade: str | None = None
     state: str | None = None
@@ -39,7 +40,7 @@ class Filter:
 
     @property
     def is_of_patient(self) -> bool:
-        return self.patient_ref is not None
+        return self.patient_ref is not None or self.patient_part is not None
 
 
 def _conditions(clinic_ids: Sequence[str], given: Filter) -> list[Any]:
@@ -53,6 +54,8 @@ def _conditions(clinic_ids: Sequence[str], given: Filter) -> list[Any]:
     ):
         if value is not None:
             conditions.append(column == value)
+    if given.patient_part is not None:
+        conditions.append(sessions.c.patient_ref.icontains(given.patient_part, autoescape=True))
     if given.rule is not None or given.verdict is not None:
         wanted = [findings.c.session_id == sessions.c.id]
         if given.rule is not None:

@@ -21,7 +21,7 @@ from inhalemon.report.curves import Panel
 from inhalemon.report.plot import PLOT_HEIGHT, nice_step, panel_html
 from inhalemon.report.words import DISCLAIMER, GRADES, INFERRED
 from inhalemon.values import DeviceKind, Dose, Event, Finding, Phase, Report, Score, Verdict
-from inhalemon.words import in_words, number
+from inhalemon.words import brief, in_words, number
 
 _DEVICES: Final = {
     DeviceKind.PMDI: "pressurised inhaler (pMDI)",
@@ -287,7 +287,7 @@ def _finding(finding: Finding, told: _Told) -> str:
     if finding.value is not None:
         numbers = f"<b>{number(finding.value, finding.unit)}</b>"
         if finding.limit is not None:
-            numbers += f" <small>limit {number(finding.limit, finding.unit)}</small>"
+            numbers += f" <small>limit {brief(finding.limit, finding.unit)}</small>"
     words = "" if is_pass else f"<p>{escape(finding.message)}</p>"
     said = told.review.entries if told.review is not None else ()
     for entry in said:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from urllib.parse import parse_qs, urlsplit
 
 import httpx
 import pytest
@@ -62,6 +63,9 @@ def test_visitor_is_led_to_the_login_and_back(server):
     with server.client(headers=HTML) as visitor:
         answer = visitor.get("/sessions")
     assert (answer.status_code, answer.headers["location"]) == (303, "/login?next=/sessions")
+    with server.client(headers=HTML) as visitor:
+        target = visitor.get("/sessions?grade=correct&rule=no_press").headers["location"]
+    assert parse_qs(urlsplit(target).query)["next"] == ["/sessions?grade=correct&rule=no_press"]
 
 
 def test_page_of_another_clinics_session_is_not_found(clinic, other_clinic, upload, log_in):
@@ -165,3 +169,38 @@ def test_who_has_several_clinics_sees_which_one_a_session_is_of(clinic, other_cl
     for path in ("/queue", "/sessions"):
         assert f">{clinic.slug}</td>" in two.get(path).text
         assert f">{clinic.slug}</td>" not in one.get(path).text
+
+
+def test_pages_that_say_no_keep_the_way_to_all_others(clinic, log_in):
+    client = log_in(clinic, Role.CLINICIAN)
+    for path, status in (("/nowhere", 404), ("/settings", 403), ("/sessions?grade=splendid", 422)):
+        answer = client.get(path)
+        assert answer.status_code == status
+        assert '<a href="/queue"' in answer.text
+
+
+def test_each_look_and_each_deed_is_one_entry_of_the_audit(clinic, upload, log_in):
+    """A page reads what it shows once: two entries would tell of two looks."""
+    session = upload(clinic, patient_ref="P-3")["id"]
+    client = log_in(clinic, Role.CLINICIAN)
+    token = client.get("/v1/me").json()["csrf_token"]
+
+    def entries():
+        found = clinic.client("administrator").get("/v1/audit", params={"limit": 200}).json()["items"]
+        return [each["action"] for each in reversed(found) if each["actor"] == f"user:clinician-{clinic.slug}"]
+
+    def added(deed):
+        before = entries()
+        deed()
+        return entries()[len(before) :]
+
+    headers = {"x-csrf-token": token}
+    comment = {"kind": "comment", "reason": "seen"}
+    assert added(lambda: client.get(f"/sessions/{session}")) == ["session.read"]
+    assert added(lambda: client.get("/sessions")) == ["sessions.listed"]
+    assert added(lambda: client.get("/queue")) == ["queue.read"]
+    assert added(lambda: client.get("/patients/P-3")) == ["patient.read"]
+    assert added(lambda: client.post(f"/sessions/{session}/review", data=comment, headers=headers)) == [
+        "session.reviewed"
+    ]
+    assert added(lambda: client.get(f"/v1/sessions/{session}/report.html")) == ["report.read"]

@@ -5,19 +5,14 @@
   if (!box) return;
   const told = JSON.parse(box.dataset.drawn), words = told.words;
   const plotsBox = document.getElementById("plots"), moment = document.getElementById("moment");
-  const G_M_S2 = 9.80665, TWO_SIDED_95 = 1.96, GAP_S = 0.25, SHORTEST_S = 0.2;
-  const CHANNELS = ["tilt_deg", "tilt_sd_deg", "angle_deg", "angle_sd_deg", "off_axis_deg", "gyr_x_deg_s", "gyr_y_deg_s", "gyr_z_deg_s", "acc_norm_m_s2"];
-  const PANELS = [
-    { title: words.tilt, unit: "°", height: 150, curves: [{ channel: "tilt_deg", sd: "tilt_sd_deg", name: words.tilt_curve }] },
-    { title: words.angle, unit: "°", height: 150, curves: [{ channel: "angle_deg", sd: "angle_sd_deg", name: words.angle_curve }, { channel: "off_axis_deg", name: words.off_axis }] },
-    { title: words.rates, unit: "°/s", height: 130, curves: [{ channel: "gyr_x_deg_s", name: words.hinge }, { channel: "gyr_y_deg_s", name: "y" }, { channel: "gyr_z_deg_s", name: "z" }] },
-    { title: words.force, unit: "g", height: 110, curves: [{ channel: "acc_norm_m_s2", name: words.force_curve, scale: 1 / G_M_S2 }] },
-  ];
+  const TWO_SIDED_95 = 1.96, GAP_S = 0.25, SHORTEST_S = 0.2;
+  const PANELS = told.panels;
+  const CHANNELS = PANELS.flatMap((panel) => panel.curves.flatMap(({ channel, sd }) => (sd ? [channel, sd] : [channel])));
   // Two points a column of the screen: the least and the greatest of what falls into it.
   const MAX_POINTS = Math.min(Math.max(2 * plotsBox.clientWidth, 1000), 4000);
-  // The four panels fill the window and no more.
-  const TALLER = Math.min(Math.max((innerHeight - 380) / 560, 0.75), 2);
-  const heightOf = (panel, isLast) => Math.round(panel.height * TALLER) + (isLast ? 24 : 0);
+  // The panels fill the window and no more.
+  const HEIGHT = Math.round(Math.min(Math.max((innerHeight - 425) / PANELS.length, 84), 260));
+  const heightOf = (isLast) => HEIGHT + (isLast ? 24 : 0);
   const DASHES = [[], [6, 2], [2, 2]];
 
   let first = told.start_s, last = Math.max(told.end_s, told.start_s + SHORTEST_S);
@@ -50,12 +45,13 @@
   }
   function rowsOf(panel, data) {
     const rows = [Array.from(data.time)];
-    for (const { channel, sd, scale = 1 } of panel.curves) {
+    const { scale } = panel;
+    for (const { channel, sd } of panel.curves) {
       const value = data.values.get(channel);
       rows.push(known(value, (x) => x * scale));
       if (sd) {
         const half = data.values.get(sd);
-        rows.push(known(value, (x, i) => x + TWO_SIDED_95 * half[i]), known(value, (x, i) => x - TWO_SIDED_95 * half[i]));
+        for (const side of [TWO_SIDED_95, -TWO_SIDED_95]) rows.push(known(value, (x, i) => (x + side * half[i]) * scale));
       }
     }
     for (let k = data.breaks.length - 1; k >= 0; k -= 1) {
@@ -156,12 +152,12 @@
   function optionsOf(panel, width, isLast) {
     const axis = { stroke: palette.dim, grid: { stroke: palette.line, width: 1 }, ticks: { stroke: palette.line, width: 1 }, font: "12px system-ui, sans-serif" };
     return {
-      width, height: heightOf(panel, isLast),
-      padding: [4, 18, isLast ? null : 4, 0],
+      width, height: heightOf(isLast),
+      padding: [8, 18, isLast ? null : 8, 0], // room for half a number at either end of the axis
       scales: { x: { time: false, range: () => [start, end] }, y: { range: yRange } },
       axes: [
         { ...axis, show: isLast, size: 28, values: (u, ticks) => ticks.map((t) => `${Number(t.toFixed(3))} s`) },
-        { ...axis, size: innerWidth < 600 ? 40 : 54 },
+        { ...axis, size: innerWidth < 600 ? 40 : 54, space: 20 },
       ],
       ...seriesOf(panel),
       legend: { show: false },
@@ -230,6 +226,26 @@
     strip.append(...marks.map(({ span }) => span));
     strips.append(strip);
   }
+  const widths = new Map();
+  function widthOf(span) { // of the whole name, measured once
+    if (!widths.has(span)) {
+      const [was, style] = [span.style.width, span.style];
+      span.classList.remove("unnamed");
+      style.width = "auto";
+      widths.set(span, span.offsetWidth);
+      style.width = was;
+    }
+    return widths.get(span);
+  }
+  const legend = document.createElement("ul");
+  legend.className = "phases-legend";
+  legend.setAttribute("aria-hidden", "true");
+  for (const [kind, name] of new Map(told.phases.map((phase) => [phase.kind, phase.name]))) {
+    const item = document.createElement("li"), swatch = document.createElement("i");
+    swatch.className = `swatch ${kind}`;
+    item.append(swatch, name);
+    legend.append(item);
+  }
   function placeMarks() {
     const over = plots[0].over, left = over.offsetLeft, width = over.clientWidth;
     strips.style.marginLeft = `${left}px`;
@@ -238,7 +254,9 @@
       const from = Math.max(what.start_s, start), to = Math.min(what.end_s, end);
       span.hidden = to <= from;
       span.style.left = `${100 * (from - start) / (end - start)}%`;
-      span.style.width = `${100 * Math.max(to - from, 0) / (end - start)}%`;
+      const share = Math.max(to - from, 0) / (end - start);
+      span.style.width = `${100 * share}%`;
+      span.classList.toggle("unnamed", share * width < widthOf(span)); // half a name tells less than none
     }
     let free = [-Infinity, -Infinity]; // two lines, so that marks close together can be read
     for (const { span, what } of eventMarks) {
@@ -277,6 +295,7 @@
       plotsBox.append(section);
       plots.push(new uPlot(optionsOf(panel, plotsBox.clientWidth, i === PANELS.length - 1), rowsOf(panel, data), section));
     });
+    plotsBox.append(legend);
     placeMarks();
     // uPlot draws in a microtask: this one comes after all of theirs.
     queueMicrotask(() => { box.dataset.drawnMs = (performance.now() - began).toFixed(1); });
@@ -345,6 +364,7 @@
       pan(event.deltaX / over.clientWidth);
     }
   }, { passive: false });
+  document.addEventListener("nowhere", () => { show(first, last); moment.textContent = words.nowhere; });
   document.addEventListener("zoom", (event) => { zoomTo(event.detail); plotsBox.scrollIntoView({ block: "nearest" }); });
   document.addEventListener("finding", (event) => {
     marked = event.detail;
@@ -355,7 +375,7 @@
   new ResizeObserver(() => {
     if (!plots.length || plotsBox.clientWidth === width) return;
     width = plotsBox.clientWidth;
-    plots.forEach((plot, i) => plot.setSize({ width, height: heightOf(PANELS[i], i === PANELS.length - 1) }));
+    plots.forEach((plot, i) => plot.setSize({ width, height: heightOf(i === PANELS.length - 1) }));
     placeMarks();
   }).observe(plotsBox);
 
@@ -368,6 +388,7 @@
     [start, end] = [first, last];
     build();
     box.dataset.view = `${start.toFixed(3)} ${end.toFixed(3)}`;
+    if (told.dose) show(told.dose.start_s, told.dose.end_s);
   }).catch((error) => {
     const line = document.createElement("p");
     line.className = "problem";

@@ -3,8 +3,10 @@
 (() => {
   const box = document.getElementById("progress");
   if (!box) return; // one session makes no curve
-  const { sessions, language, words } = JSON.parse(box.dataset.drawn);
-  const day = new Intl.DateTimeFormat(language, { month: "short", day: "numeric" });
+  const { sessions, words } = JSON.parse(box.dataset.drawn);
+  const day = new Intl.DateTimeFormat(window.inhalemon.locale, { month: "short", day: "numeric" });
+  const DAY_S = 86400;
+  const STEPS_S = [1, 2, 7, 14, 30, 60, 90, 180, 365, 730].map((days) => days * DAY_S);
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const HEIGHT = 220;
   let plot = null;
@@ -17,12 +19,13 @@
     plot = new uPlot({
       width: box.clientWidth, height: HEIGHT, padding: [8, 16, 0, 0],
       scales: { x: { time: true, range: roomAround }, y: { range: [0, 104] } },
-      axes: [{ ...axis, values: (u, ticks) => ticks.map((t) => day.format(new Date(1000 * t))) , space: 70 }, { ...axis, size: 44 }],
+      axes: [{ ...axis, values: (u, ticks) => ticks.map((t) => day.format(new Date(1000 * t))), space: 70, incrs: STEPS_S }, { ...axis, size: 44 }],
       series: [
-        { value: (u, t) => (t === null ? "" : day.format(new Date(1000 * t))), label: " " },
+        {},
         { label: words.points, stroke: colour("--c0"), width: 2, points: marks },
-        { label: words.kept, stroke: colour("--c1"), width: 2, dash: [6, 3], points: marks, value: (u, y) => (y === null ? "" : y.toFixed(0)) },
+        { label: words.kept, stroke: colour("--c1"), width: 2, dash: [6, 3], points: marks },
       ],
+      legend: { live: false },
       cursor: { drag: { x: false, y: false } },
     }, [sessions.map((each) => each.at_s), sessions.map((each) => each.points), sessions.map((each) => each.kept)], box);
   }

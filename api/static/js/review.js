@@ -22,7 +22,7 @@
   }
   function show(item) {
     const detail = span(item);
-    if (detail) document.dispatchEvent(new CustomEvent("zoom", { detail }));
+    document.dispatchEvent(detail ? new CustomEvent("zoom", { detail }) : new CustomEvent("nowhere"));
   }
   function step(by) {
     const all = items();
@@ -41,7 +41,7 @@
   const acts = {
     j: () => step(1),
     k: () => step(-1),
-    z: (item) => show(item),
+    z: (item) => item && show(item),
     c: (item) => item && item.querySelector('[data-act="c"]')?.click(),
     u: (item) => item && item.querySelector('[data-act="u"]')?.click(),
     o: (item) => item && begin(item.querySelector("details.override")),
@@ -79,7 +79,13 @@
 
   // After an entry was written the list is drawn anew: go on to the next finding that waits.
   let next = null;
-  document.addEventListener("htmx:afterRequest", (event) => { if (!event.detail.successful) isBusy = false; });
+  document.addEventListener("htmx:afterRequest", (event) => {
+    if (!event.detail.successful) isBusy = false;
+    else if (event.target.matches("details[hx-preserve] form")) { // what was sent; all else that was typed stays
+      event.target.reset();
+      event.target.closest("details").open = false;
+    }
+  });
   document.addEventListener("htmx:beforeRequest", (event) => {
     isBusy = true;
     const item = event.target.closest?.("#review .finding");
