@@ -136,6 +136,7 @@ JUNK = st.one_of(
 @example(field=("events", "smooth_s"), value=-5.0)
 @example(field=("lever", "block_s"), value=0)
 @example(field=("quality", "rate_block"), value=0)
+@example(field=("attitude", "sd_start_scale"), value=1e4)  # an inhalation that outlasts its dose
 def test_any_one_field_set_to_junk_is_refused_or_scored(apart, field, value):
     """Any other exception comes back as itself, and a crash breaks the pool."""
     assert apart.submit(_scored, *field, value).result(timeout=120) in {"refused", "scored"}

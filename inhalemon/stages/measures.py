@@ -312,7 +312,7 @@ def _left_mouth_s(dose: _Dose, inhale: Phase) -> float:
     motion = dose.motion
     at = dose.samples(inhale.start_s, dose.span[1])
     place = np.cumsum(motion.velocity_ref_m_s[at], axis=0) * motion.step_s
-    n_inhale = max(motion.index(inhale.end_s) - at.start, 1)
+    n_inhale = min(max(motion.index(inhale.end_s) - at.start, 1), len(place))  # a dose may end while it lasts
     here = quantile(place[n_inhale // 2 : n_inhale], 0.5)
     away = lengths(place[n_inhale:] - here) > dose.settings.left_mouth_m
     if not away.any():
