@@ -37,6 +37,7 @@ def at_times(time_s: FloatArray, values: FloatArray, at_s: FloatArray) -> FloatA
 
     `numpy.interp`, but the place of a time is looked for once for all columns.
     """
+    _check_sizes(time_s, values)
     rows = np.ascontiguousarray(np.atleast_2d(values.T))
     found = np.empty((rows.shape[0], at_s.size))
     kernel.straight(memory(time_s), memory(rows), memory(at_s), memory(found))
@@ -56,11 +57,18 @@ def moving_mean(values: FloatArray, width: int) -> FloatArray:
 
 def means_between(time_s: FloatArray, values: FloatArray, edges_s: FloatArray) -> FloatArray:
     """Time means of `values` (n, k) between one edge and the next, (k, m - 1), for signals straight between samples."""
+    _check_sizes(time_s, values)
     integrals = np.empty((values.shape[1], edges_s.size))
     total = np.zeros(values.shape[1])
     kernel.integrate(memory(time_s), memory(values), total.size, memory(edges_s), memory(total), memory(integrals))
     means: FloatArray = (integrals[:, 1:] - integrals[:, :-1]) / (edges_s[1:] - edges_s[:-1])
     return means
+
+
+def _check_sizes(time_s: FloatArray, values: FloatArray) -> None:
+    """The compiled kernels do not look whether they read beyond an array."""
+    if not 0 < time_s.size == values.shape[0]:
+        raise ValueError(f"{values.shape[0]} values at {time_s.size} times; expected one at each, and one at least")
 
 
 def quantile(values: FloatArray, share: float) -> FloatArray:

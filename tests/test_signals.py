@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from inhalemon.rotation import angle_between, from_rotation_vector
-from inhalemon.signals import moving_mean, quantile, resample_attitude
+from inhalemon.signals import at_times, means_between, moving_mean, quantile, resample_attitude
 from inhalemon.values import AttitudeTrack, usual_step_s
 
 
@@ -31,6 +31,14 @@ def test_quantile_is_numpys(values, share):
 def test_usual_step_is_the_median_step(steps):
     time_s = np.cumsum([0, *steps]) / 64.0
     assert usual_step_s(time_s) == np.median(np.diff(time_s))
+
+
+@pytest.mark.parametrize(("n_times", "n_values"), [(0, 0), (5, 4), (4, 5)])
+@pytest.mark.parametrize("helper", [at_times, means_between])
+def test_times_and_values_that_do_not_match_are_refused(helper, n_times, n_values):
+    """The compiled kernel would read beyond the shorter one."""
+    with pytest.raises(ValueError, match=f"{n_values} values at {n_times} times"):
+        helper(np.arange(float(n_times)), np.zeros((n_values, 3)), np.array([0.5, 1.5]))
 
 
 def test_attitude_between_samples_is_on_the_way_and_held_beyond_the_ends():
