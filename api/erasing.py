@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from api.principal import Principal
 from api.service import Service
 from api.store import chores, sessions
 from api.store.sessions import Session
+
+
+def erase_asked_for(service: Service, who: Principal, session_id: str) -> None:
+    """Erase a session because somebody wants it gone. Raises `NotFoundError`."""
+    with service.store.read() as connection:
+        session = sessions.find(connection, who.clinic_ids, session_id)
+    erase(service, session, who.actor, reason="request")
 
 
 def erase(service: Service, session: Session, actor: str, *, reason: str) -> None:

@@ -8,8 +8,9 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, StringConstraints, model_validator
 
 from api.principal import Role, Scope
+from api.report_models import Out, Report
 from api.store.reviews import ReviewKind
-from inhalemon.values import DeviceKind, EventKind, Grade, PhaseKind, Severity, Verdict
+from inhalemon.values import DeviceKind, Grade, Verdict
 
 Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=2000)]
 Slug = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9-]{0,62}$")]
@@ -19,15 +20,11 @@ UserName = Annotated[
 RuleId = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{1,63}$")]
 
 
-class _Out(BaseModel):
-    model_config = ConfigDict(frozen=True)
-
-
 class _In(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class Problem(_Out):
+class Problem(Out):
     """RFC 9457 problem details; some kinds carry more members, as `line` and `column` here."""
 
     model_config = ConfigDict(
@@ -50,103 +47,10 @@ class Problem(_Out):
     instance: str | None = None
 
 
-# ------------------------------------------------------------------------------------------ reports
-
-
-class Measure(_Out):
-    value: float | None = Field(examples=[5.41])
-    sd: float | None = Field(None, examples=[0.1])
-    reason: str | None = None
-
-
-class Phase(_Out):
-    kind: PhaseKind
-    start_s: float = Field(examples=[2.7])
-    end_s: float = Field(examples=[8.11])
-    confidence: float = Field(examples=[0.97])
-
-
-class Event(_Out):
-    kind: EventKind
-    start_s: float
-    peak_s: float
-    end_s: float
-    angle_deg: float
-
-
-class Finding(_Out):
-    rule: str = Field(examples=["press_late"])
-    verdict: Verdict = Field(examples=["fail"])
-    severity: Severity | None = Field(examples=["major"])
-    value: float | None = Field(examples=[1.32])
-    limit: float | None = Field(examples=[0.9])
-    unit: str | None = Field(examples=["s"])
-    start_s: float | None
-    end_s: float | None
-    reason: str | None
-    message: str = Field(examples=["Pressed 1.3 s after the inhalation began"])
-
-
-class Score(_Out):
-    points: int = Field(examples=[85])
-    grade: Grade = Field(examples=["major_mistakes"])
-
-
-class Flag(_Out):
-    code: str
-    sensor: str | None
-    detail: str
-
-
-class Quality(_Out):
-    usable: bool
-    flags: list[Flag]
-
-
-class Dose(_Out):
-    start_s: float
-    end_s: float
-    events: list[Event]
-    measures: dict[str, Measure]
-    findings: list[Finding]
-    score: Score
-
-
-class Report(_Out):
-    """inhalemon-report/1; times are seconds on the body sensor's clock."""
-
-    format: Literal["inhalemon-report/1"]
-    session_id: str
-    device: DeviceKind
-    pipeline_version: str
-    settings_digest: str
-    rules_digest: str
-    duration_s: float
-    quality: Quality
-    phases: list[Phase]
-    events: list[Event]
-    measures: dict[str, Measure]
-    findings: list[Finding]
-    doses: list[Dose]
-    score: Score
-
-
-class ReportVersion(_Out):
-    """One of a session's reports: which pipeline, settings and rules made it."""
-
-    version: int = Field(examples=[1])
-    created_at: datetime
-    pipeline_version: str
-    settings_digest: str
-    rules_digest: str
-    grade: Grade
-    points: int
-
-
 # ------------------------------------------------------------------------------------------ sessions
 
 
-class SessionSummary(_Out):
+class SessionSummary(Out):
     id: str = Field(examples=["q3l5c2m7k4vq6t2xw3yb5n7d4e"])
     session_id: str | None = Field(None, description="the recording's own name, when it has one")
     clinic: str = Field(examples=["north"])
@@ -176,12 +80,12 @@ class SessionDetail(SessionSummary):
     problem: Problem | None = Field(None, description="why there is none")
 
 
-class SessionPage(_Out):
+class SessionPage(Out):
     items: list[SessionSummary]
     next: str | None = Field(None, description="pass it as `cursor` for the next page")
 
 
-class UploadItem(_Out):
+class UploadItem(Out):
     """One of several files: a session, or a problem, with the status it would have had alone."""
 
     file: str | None
@@ -191,7 +95,7 @@ class UploadItem(_Out):
     problem: Problem | None = None
 
 
-class UploadItems(_Out):
+class UploadItems(Out):
     items: list[UploadItem]
 
 
@@ -233,7 +137,7 @@ class ReviewIn(_In):
     undoes: str | None = None
 
 
-class ReviewOut(_Out):
+class ReviewOut(Out):
     id: str
     version: int
     kind: ReviewKind
@@ -248,31 +152,31 @@ class ReviewOut(_Out):
     at: datetime
 
 
-class ReviewHistory(_Out):
+class ReviewHistory(Out):
     session: str
     version: int = Field(description="also the ETag, for If-Match")
     signed_off_at: datetime | None
     entries: list[ReviewOut]
 
 
-class LeaseOut(_Out):
+class LeaseOut(Out):
     reviewer: str
     expires_at: datetime
 
 
-class QueueItem(_Out):
+class QueueItem(Out):
     session: SessionSummary
     lease: LeaseOut | None = None
 
 
-class Queue(_Out):
+class Queue(Out):
     items: list[QueueItem]
 
 
 # ------------------------------------------------------------------------------------------ people and programs
 
 
-class Me(_Out):
+class Me(Out):
     kind: Literal["user", "key"]
     name: str
     role: Role
@@ -289,7 +193,7 @@ class KeyIn(_In):
     clinic: Slug | None = None
 
 
-class KeyOut(_Out):
+class KeyOut(Out):
     id: str
     prefix: str
     clinic: str
@@ -318,7 +222,7 @@ class UserChange(_In):
     reset_password: StrictBool = False
 
 
-class UserOut(_Out):
+class UserOut(Out):
     id: str
     name: str
     role: Role
@@ -339,7 +243,7 @@ class WebhookIn(_In):
     clinic: Slug | None = None
 
 
-class WebhookOut(_Out):
+class WebhookOut(Out):
     id: str
     url: str
     events: list[str]
@@ -350,7 +254,7 @@ class WebhookMade(WebhookOut):
     secret: str = Field(description="shown this once; signs every delivery")
 
 
-class AuditOut(_Out):
+class AuditOut(Out):
     clinic: str
     seq: int
     at: datetime
@@ -361,18 +265,18 @@ class AuditOut(_Out):
     hash: str
 
 
-class AuditPage(_Out):
+class AuditPage(Out):
     items: list[AuditOut]
     next: str | None = None
 
 
-class AuditCheck(_Out):
+class AuditCheck(Out):
     clinic: str
     entries: int
     faults: list[str]
 
 
-class Version(_Out):
+class Version(Out):
     service: str
     database: str
     pipeline: str
@@ -385,7 +289,7 @@ class Version(_Out):
 Direction = Literal["improving", "steady", "worsening", "unknown"]
 
 
-class ProgressPoint(_Out):
+class ProgressPoint(Out):
     """One session, as it stands after review."""
 
     session: str
@@ -400,19 +304,19 @@ class ProgressPoint(_Out):
     signed_off: bool
 
 
-class RuleProgress(_Out):
+class RuleProgress(Out):
     rule: str
     decided: int
     failed: int
     last: Verdict | None
 
 
-class Trend(_Out):
+class Trend(Out):
     direction: Direction = Field(description="of the number of mistakes; unknown below four sessions")
     mistakes_per_30_days: float | None = Field(description="Theil and Sen's slope")
 
 
-class Progress(_Out):
+class Progress(Out):
     patient_ref: str
     clinic: str
     sessions: list[ProgressPoint]
@@ -420,7 +324,7 @@ class Progress(_Out):
     trend: Trend
 
 
-class Estimate(_Out):
+class Estimate(Out):
     """A value with its 95 % interval."""
 
     value: float
@@ -428,7 +332,7 @@ class Estimate(_Out):
     high: float
 
 
-class AgreementRow(_Out):
+class AgreementRow(Out):
     """The first judge is the machine (or one reviewer), the second, taken as the truth, a reviewer."""
 
     rule: str
@@ -443,11 +347,11 @@ class AgreementRow(_Out):
     kappa: Estimate | None = Field(description="Cohen's; null when both always say the same one thing")
 
 
-class AgreementTable(_Out):
+class AgreementTable(Out):
     sessions: int
     rules: list[AgreementRow]
 
 
-class Agreements(_Out):
+class Agreements(Out):
     machine_and_reviewers: AgreementTable
     reviewers_among_each_other: AgreementTable

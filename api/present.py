@@ -9,6 +9,8 @@ import orjson
 from api import models
 from api.moments import to_datetime, to_iso
 from api.principal import Role, Scope
+from api.report_models import ReportVersion
+from api.store.audit import AuditEntry
 from api.store.people import ApiKey, User
 from api.store.reviews import Lease, Review, ReviewKind
 from api.store.sessions import Session, StoredReport
@@ -69,8 +71,8 @@ def grade(name: str | None) -> Grade | None:
     return None if name is None else Grade(name)
 
 
-def report_version(report: StoredReport) -> models.ReportVersion:
-    return models.ReportVersion(
+def report_version(report: StoredReport) -> ReportVersion:
+    return ReportVersion(
         version=report.version,
         created_at=to_datetime(report.created_at_us),
         pipeline_version=report.pipeline_version,
@@ -151,4 +153,17 @@ def user(found: User, visible: Mapping[str, str]) -> models.UserOut:
         is_active=found.is_active,
         created_at=to_datetime(found.created_at_us),
         last_login_at=None if found.last_login_us is None else to_datetime(found.last_login_us),
+    )
+
+
+def audit_entry(found: AuditEntry, clinic: str) -> models.AuditOut:
+    return models.AuditOut(
+        clinic=clinic,
+        seq=found.seq,
+        at=to_datetime(found.at_us),
+        actor=found.actor,
+        action=found.action,
+        subject=found.subject,
+        detail=orjson.loads(found.detail),
+        hash=found.hash.hex(),
     )

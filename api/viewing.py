@@ -10,7 +10,7 @@ from api import following, models, present, report_page, verdicts
 from api.principal import Principal
 from api.problems import AmbiguousPatientError, NotFoundError
 from api.service import Service
-from api.store import Connection, listing, people, reviews, sessions
+from api.store import Connection, audit, listing, people, reviews, sessions
 from api.store.listing import Filter, Order
 from api.store.reviews import Lease, Review
 from api.store.sessions import Session, StoredReport
@@ -141,3 +141,40 @@ def agreement_view(service: Service, who: Principal, *, clinic: str | None) -> m
     """Machine against reviewers, and reviewers against each other. Raises `NotFoundError`."""
     with service.store.read() as connection:
         return following.agreements(connection, who.narrowed(clinic))
+
+
+def audit_view(
+    service: Service, who: Principal, *, clinic: str | None, cursor: str | None, limit: int
+) -> models.AuditPage:
+    """Entries of the audit, newest first. Raises `BadRequestError` for a cursor of another listing, `NotFoundError`."""
+    clinic_ids = who.narrowed(clinic)
+    slugs = {clinic_id: slug for slug, clinic_id in who.clinics.items()}
+    before = None
+    if cursor is not None:
+        seq, clinic_id = service.secret.read_cursor("audit", cursor)
+        before = (int(seq), str(clinic_id))
+    with service.store.write() as connection:
+        found = audit.page(connection, clinic_ids, before, limit + 1)
+        for clinic_id in clinic_ids:
+            service.audit.record(connection, clinic_id, who.actor, "audit.read")
+    shown = found[:limit]
+    last = (shown[-1].seq, shown[-1].clinic_id) if len(found) > limit else None
+    return models.AuditPage(
+        items=[present.audit_entry(each, slugs[each.clinic_id]) for each in shown],
+        next=None if last is None else service.secret.sign_cursor("audit", last),
+    )
+
+
+def audit_checks(service: Service, who: Principal, *, clinic: str | None) -> list[models.AuditCheck]:
+    """Whether the chain of each clinic is whole. Raises `NotFoundError`."""
+    clinic_ids = who.narrowed(clinic)
+    slugs = {clinic_id: slug for slug, clinic_id in who.clinics.items()}
+    with service.store.read() as connection:
+        return [
+            models.AuditCheck(
+                clinic=slugs[clinic_id],
+                entries=audit.count(connection, clinic_id),
+                faults=service.audit.faults(connection, clinic_id),
+            )
+            for clinic_id in clinic_ids
+        ]

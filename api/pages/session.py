@@ -10,7 +10,7 @@ from fastapi import APIRouter, Form, Query, Request, Response
 from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 
-from api import correcting, present, reviewing, viewing
+from api import correcting, erasing, present, reviewing, viewing
 from api.access import Administrator, Corrector, Reader, Reviewer, ServiceDep
 from api.models import ReviewIn, SessionCorrection
 from api.pages import findings
@@ -18,7 +18,6 @@ from api.pages.titles import rule_titles, rules_of
 from api.principal import Principal, Scope
 from api.problems import ChangedMeanwhileError, InvalidError, NotFoundError
 from api.rendering import render, words_for
-from api.routes import sessions as session_routes
 from api.routes.common import SessionId
 from api.routes.reviews import IfMatch, version_of
 from api.scoring import Scorer
@@ -145,7 +144,7 @@ async def score_again(request: Request, service: ServiceDep, who: Corrector, ses
 
 @router.post("/{session_id}/erase")
 def erase(service: ServiceDep, who: Administrator, session_id: SessionId) -> Response:
-    session_routes.erase_session(service, who, session_id)
+    erasing.erase_asked_for(service, who, session_id)
     return Response(status_code=204, headers={"HX-Redirect": "/sessions"})
 
 

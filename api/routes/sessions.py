@@ -13,8 +13,9 @@ from api import correcting, erasing, present, series, viewing
 from api.access import Administrator, Corrector, Reader, ServiceDep
 from api.answers import REPORT_POLICY, Json
 from api.idempotency import Once
-from api.models import Report, ReportVersion, SessionCorrection, SessionDetail, SessionPage, SessionSummary
+from api.models import SessionCorrection, SessionDetail, SessionPage, SessionSummary
 from api.problems import ConflictError, NotFoundError
+from api.report_models import Report, ReportVersion
 from api.routes.common import ClinicQuery, Cursor, Limit, SessionId, problems
 from api.routes.filters import FilterDep
 from api.scoring import Scorer, ask_worker
@@ -70,9 +71,7 @@ async def correct_session(
 @router.delete("/{session_id}", status_code=204, summary="Erase a session", responses=dict(problems(404)))
 def erase_session(service: ServiceDep, who: Administrator, session_id: SessionId) -> Response:
     """Recording, reports, reviews and cached curves go; an audit entry without anything of the patient stays."""
-    with service.store.read() as connection:
-        session = sessions.find(connection, who.clinic_ids, session_id)
-    erasing.erase(service, session, who.actor, reason="request")
+    erasing.erase_asked_for(service, who, session_id)
     return Response(status_code=204)
 
 
