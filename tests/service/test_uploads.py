@@ -215,7 +215,7 @@ def test_a_patient_ref_that_breaks_an_address_is_refused(clinic, recording, ref)
         "0001-01-01T00:00:00+14:00",
         "2999-01-01T00:00:00Z",
         "1989-12-31T23:59:59Z",
-        to_iso(now_us() + 2 * DAY_US),
+        pytest.param(to_iso(now_us() + 2 * DAY_US), id="in two days"),
         "20",
     ],
 )
