@@ -13,7 +13,7 @@ from api import operations
 from api.moments import to_iso
 from api.principal import Role, Scope
 from api.problems import ConfigurationError, ProblemError
-from api.settings import ServiceSettings, load, unknown_variables
+from api.settings import load, unknown_variables
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
 
@@ -57,14 +57,14 @@ def migrate() -> None:
     """Bring the database to the present schema."""
     from api.store import schema  # noqa: PLC0415
 
-    with operations.opened(_settings()) as service:
+    with operations.opened(load()) as service:
         _say(f"The database is at schema {schema.present(service.store)}.")
 
 
 @app.command("add-clinic")
 def add_clinic(slug: Annotated[str, typer.Argument(callback=_slug)]) -> None:
     """Add a clinic."""
-    with operations.opened(_settings()) as service:
+    with operations.opened(load()) as service:
         is_new = operations.add_clinic(service, slug)
     _say(f"Clinic {slug} {'was added' if is_new else 'is there already'}.")
 
@@ -79,7 +79,7 @@ def add_user(
     """Add a person, and print a one-time password on the last line."""
     clinics = [_slug(each) for each in clinic]
     password = sys.stdin.readline().rstrip("\n") if password_stdin else None
-    with operations.opened(_settings()) as service:
+    with operations.opened(load()) as service:
         one_time = operations.add_user(service, name, role, clinics, password)
     _note(f"{name} is {role} at {', '.join(clinics)}.")
     if one_time is not None:
@@ -90,7 +90,7 @@ def add_user(
 @app.command("users")
 def users() -> None:
     """List everybody: name, role, clinics, whether locked out, last login."""
-    with operations.existing(_settings()) as service:
+    with operations.existing(load()) as service:
         for user in operations.every_user(service):
             state = "active" if user.is_active else "locked out"
             last = "never" if user.last_login_us is None else to_iso(user.last_login_us)[:16]
@@ -100,7 +100,7 @@ def users() -> None:
 @app.command("lock-user")
 def lock_user(name: str) -> None:
     """Lock somebody out of every clinic, and end their logins."""
-    with operations.existing(_settings()) as service:
+    with operations.existing(load()) as service:
         operations.set_active(service, name, is_active=False)
     _say(f"{name} is locked out.")
 
@@ -108,7 +108,7 @@ def lock_user(name: str) -> None:
 @app.command("unlock-user")
 def unlock_user(name: str) -> None:
     """Let somebody in again."""
-    with operations.existing(_settings()) as service:
+    with operations.existing(load()) as service:
         operations.set_active(service, name, is_active=True)
     _say(f"{name} can log in.")
 
@@ -116,7 +116,7 @@ def unlock_user(name: str) -> None:
 @app.command("reset-password")
 def reset_password(name: str) -> None:
     """Give somebody a new one-time password, printed on the last line, and end their logins."""
-    with operations.existing(_settings()) as service:
+    with operations.existing(load()) as service:
         one_time = operations.reset_password(service, name)
     _note("One-time password, to be changed at the first login:")
     _say(one_time)
@@ -125,7 +125,7 @@ def reset_password(name: str) -> None:
 @app.command("assign-clinic")
 def assign_clinic(name: str, clinic: Annotated[str, typer.Argument(callback=_slug)]) -> None:
     """Give a pharmacist one more clinic."""
-    with operations.existing(_settings()) as service:
+    with operations.existing(load()) as service:
         operations.assign_clinic(service, name, clinic)
     _say(f"{name} has {clinic}.")
 
@@ -133,7 +133,7 @@ def assign_clinic(name: str, clinic: Annotated[str, typer.Argument(callback=_slu
 @app.command("withdraw-clinic")
 def withdraw_clinic(name: str, clinic: Annotated[str, typer.Argument(callback=_slug)]) -> None:
     """Take one of several clinics from a pharmacist."""
-    with operations.existing(_settings()) as service:
+    with operations.existing(load()) as service:
         operations.withdraw_clinic(service, name, clinic)
     _say(f"{name} no longer has {clinic}.")
 
@@ -148,7 +148,7 @@ def add_key(
 ) -> None:
     """Make an API key, and print it alone on the last line. It cannot be shown again."""
     scopes = frozenset(scope) if scope else None
-    with operations.opened(_settings()) as service:
+    with operations.opened(load()) as service:
         made = operations.add_key(service, clinic, role, scopes=scopes, label=label, days=days)
     _note(f"Key {made.prefix} of clinic {clinic}, {role}. Send it as: Authorization: Bearer KEY")
     _say(made.key)
@@ -159,7 +159,7 @@ def backup(target: Annotated[Path, typer.Argument(help="a new file, such as inha
     """Write database, recordings and secret to one archive; the service may go on running."""
     from api import upkeep  # noqa: PLC0415
 
-    with operations.existing(_settings(), at_any_schema=True) as service:
+    with operations.existing(load(), at_any_schema=True) as service:
         n_recordings = upkeep.back_up(service, target)
     _say(f"{target} holds the database and {n_recordings} recordings. It is as confidential as the service itself.")
 
@@ -169,7 +169,7 @@ def restore(source: Annotated[Path, typer.Argument(exists=True, dir_okay=False)]
     """Bring an archive back into an empty data folder (and an empty database)."""
     from api import upkeep  # noqa: PLC0415
 
-    settings = _settings()
+    settings = load()
     upkeep.restore(settings, source)
     with operations.opened(settings) as service:
         found = list(upkeep.faults(service))
@@ -184,7 +184,7 @@ def verify() -> None:
     """Check every recording's digest and every clinic's audit chain; 1 when something is wrong."""
     from api import upkeep  # noqa: PLC0415
 
-    with operations.existing(_settings()) as service:
+    with operations.existing(load()) as service:
         found = list(upkeep.faults(service))
     for fault in found:
         _say(fault)
@@ -197,15 +197,11 @@ def doctor() -> None:
     """Look whether the service has what it needs; 1 when something wants attention."""
     from api import upkeep  # noqa: PLC0415
 
-    with operations.existing(_settings(), at_any_schema=True) as service:
+    with operations.existing(load(), at_any_schema=True) as service:
         found = list(upkeep.advice(service))
     for is_well, told in found:
         _say(f"{'ok    ' if is_well else 'LOOK  '} {told}")
     raise typer.Exit(0 if all(is_well for is_well, _ in found) else 1)
-
-
-def _settings() -> ServiceSettings:
-    return load()
 
 
 def main() -> None:

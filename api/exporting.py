@@ -11,12 +11,10 @@ import orjson
 
 from api import present, verdicts
 from api.service import Service
-from api.store import Connection, listing, reviews
+from api.store import Connection, listing, reviews, sessions
 from api.store.listing import Filter
-from api.store.reviews import Review
 from api.store.sessions import Session
 from inhalemon.measures import MEASURES
-from inhalemon.rules import RuleSet
 from inhalemon.values import Report
 
 _BLOCK = 200
@@ -42,9 +40,12 @@ _FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")  # a spreadsheet would run su
 def jsonl(service: Service, clinic_ids: Sequence[str], given: Filter) -> Iterator[bytes]:
     """One line a session: the session, its newest report, its whole review."""
     with service.store.read() as connection:
-        for session, body, entries in _rows(connection, clinic_ids, given):
-            line = present.export_line(session, body, entries)
-            yield orjson.dumps(line) + b"\n"
+        for block in _blocks(connection, clinic_ids, given):
+            ids = [session.id for session, _ in block]
+            mistakes, entries = sessions.mistakes_of(connection, ids), reviews.histories_of(connection, ids)
+            for session, body in block:
+                line = present.export_line(session, body, mistakes[session.id], entries[session.id])
+                yield orjson.dumps(line) + b"\n"
 
 
 def csv_lines(service: Service, clinic_ids: Sequence[str], given: Filter) -> Iterator[bytes]:
@@ -56,13 +57,15 @@ def csv_lines(service: Service, clinic_ids: Sequence[str], given: Filter) -> Ite
     writer.writerow(columns)
     yield buffer.getvalue().encode()
     with service.store.read() as connection:
-        for session, body, entries in _rows(connection, clinic_ids, given):
-            cells = _session_cells(session)
-            if body is not None:
-                cells |= _report_cells(verdicts.report_of(body), entries, service.rules)
+        for block in _blocks(connection, clinic_ids, given):
+            mistakes = sessions.mistakes_of(connection, [session.id for session, _ in block])
             buffer.seek(0)
             buffer.truncate()
-            writer.writerow([_cell(cells.get(column)) for column in columns])
+            for session, body in block:
+                cells = _session_cells(session) | {"mistakes": " ".join(mistakes[session.id])}
+                if body is not None:
+                    cells |= _report_cells(verdicts.report_of(body))
+                writer.writerow([_cell(cells.get(column)) for column in columns])
             yield buffer.getvalue().encode()
 
 
@@ -75,25 +78,19 @@ def _session_cells(session: Session) -> dict[str, object]:
     return {name: moments[name] if name in moments else getattr(session, name) for name in _SESSION_CELLS}
 
 
-def _report_cells(report: Report, entries: Sequence[Review], rules: RuleSet) -> dict[str, object]:
+def _report_cells(report: Report) -> dict[str, object]:
+    """The machine's part of a row."""
     machine = verdicts.machine(report)
-    held = {finding.rule: finding.verdict for finding in verdicts.outcome(report, entries, rules).findings}
-    return {
-        "mistakes": " ".join(verdicts.mistakes(held)),
-        "machine_mistakes": " ".join(verdicts.mistakes(machine)),
-        **{name: measure.value for name, measure in report.measures.items()},
-        **machine,
-    }
+    measures = {name: measure.value for name, measure in report.measures.items()}
+    return {"machine_mistakes": " ".join(verdicts.mistakes(machine)), **measures, **machine}
 
 
-def _rows(
+def _blocks(
     connection: Connection, clinic_ids: Sequence[str], given: Filter
-) -> Iterator[tuple[Session, bytes | None, Sequence[Review]]]:
+) -> Iterator[list[tuple[Session, bytes | None]]]:
     every = listing.stream(connection, clinic_ids, given)
     while block := list(itertools.islice(every, _BLOCK)):
-        entries = reviews.histories_of(connection, [session.id for session, _ in block])
-        for session, body in block:
-            yield session, body, entries[session.id]
+        yield block
 
 
 def _cell(value: object) -> str:

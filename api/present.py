@@ -59,9 +59,11 @@ def detail(session: Session, report: StoredReport | None, mistakes: Sequence[str
     }
 
 
-def export_line(session: Session, body: bytes | None, entries: Sequence[Review]) -> dict[str, object]:
+def export_line(
+    session: Session, body: bytes | None, mistakes: Sequence[str], entries: Sequence[Review]
+) -> dict[str, object]:
     """A session for the export: as `detail`, without what is only about the upload, and with its review."""
-    return _summary(session, ()) | {
+    return _summary(session, mistakes) | {
         "report": None if body is None else orjson.Fragment(body),
         "reviews": [each.model_dump(mode="json") for each in history(session, entries).entries],
     }

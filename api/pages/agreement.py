@@ -10,6 +10,7 @@ from api import viewing
 from api.access import Reader, ServiceDep
 from api.pages.titles import rule_titles
 from api.rendering import render
+from api.routes.common import ClinicQuery
 
 router = APIRouter(prefix="/agreement", tags=["pages"], include_in_schema=False)
 # Who alone calls something a mistake: what the columns beside "Both" are called.
@@ -20,10 +21,12 @@ _SIDES: Final = {
 
 
 @router.get("")
-def agreement_page(request: Request, service: ServiceDep, who: Reader) -> Response:
-    found = viewing.agreement_view(service, who, clinic=None)
+def agreement_page(request: Request, service: ServiceDep, who: Reader, clinic: ClinicQuery = None) -> Response:
+    found = viewing.agreement_view(service, who, clinic=clinic)
     tables = [
         ("Machine against reviewers", "machine", found.machine_and_reviewers, *_SIDES["machine"]),
         ("Reviewers among each other", "people", found.reviewers_among_each_other, *_SIDES["people"]),
     ]
-    return render(request, "agreement.html", {"tables": tables, "titles": rule_titles(service)}, who=who)
+    return render(
+        request, "agreement.html", {"tables": tables, "titles": rule_titles(service), "clinic": clinic}, who=who
+    )

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import csv
+import io
+import json
 import re
 
 from running import serving, settings_for
@@ -136,6 +139,12 @@ def test_the_result_is_that_after_review_and_the_machines_stands_beside_it(clini
         assert {"grade": told["machine_grade"], "points": told["machine_points"]} == machine
         assert told["mistakes"] == [passed]
     assert detail["report"]["score"] == machine, "a report is never changed"
+    (line,) = clinic.client("clinician").get("/v1/export", params={"format": "jsonl"}).text.splitlines()
+    assert json.loads(line)["mistakes"] == [passed]
+    (row,) = csv.DictReader(io.StringIO(clinic.client("clinician").get("/v1/export").text))
+    assert (row["grade"], row["points"], row["mistakes"]) == (expected["grade"], str(expected["points"]), passed)
+    assert (row["machine_grade"], row["machine_points"]) == (machine["grade"], str(machine["points"]))
+    assert row["machine_mistakes"].split() == sorted(failed(session))
     found = clinic.client("clinician").get("/v1/sessions", params={"rule": passed, "verdict": "fail"}).json()["items"]
     assert [each["id"] for each in found] == [session["id"]]
     (diagnosis,) = (

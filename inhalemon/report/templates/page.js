@@ -17,6 +17,7 @@
     };
   });
   const strip = plots.querySelector(".strip"), axis = plots.querySelector(".axis");
+  plots.classList.add("scripted");
   let start = first, end = last;
 
   function points(path) {
@@ -35,8 +36,13 @@
         const width = Math.min(Number(mark.dataset.end), end) - from_s;
         mark.style.width = `${100 * Math.max(width, 0) / span}%`;
         mark.hidden = width <= 0;
+        mark.classList.remove("unnamed");
       }
     }
+    // Half a name tells less than none; the legend and the title have it. Read first, then written: one layout.
+    const bands = [...plots.querySelectorAll(".phases span")];
+    const cut = bands.filter((band) => band.scrollWidth > band.clientWidth);
+    for (const band of cut) band.classList.add("unnamed");
     ticks(span);
     all.hidden = span >= last - first;
   }
@@ -121,6 +127,5 @@
       plots.scrollIntoView({ block: "nearest" });
     });
   }
-  addEventListener("resize", () => ticks(end - start));
-  show(first, last);
+  new ResizeObserver(() => show(start, end)).observe(strip);
 })();
