@@ -195,3 +195,13 @@ def test_aligning_a_minute_costs_milliseconds() -> None:
         align_clocks(recording, ClockSettings())
         cost_s.append(time.process_time() - start_s)
     assert min(cost_s) < 0.02
+
+
+def test_a_lag_that_wants_unlikely_sensors_is_not_believed() -> None:
+    """Half a shake's period off, the speeds agree a little better, if gyroscopes' scales may differ by 12 %."""
+    recording, truth = simulate_session("pmdi", seed=700150, rate_hz=50.0, profile="harsh")
+    _, fit = align_clocks(recording, ClockSettings())
+    clock = truth.lever_clock
+    true_s = (fit.reference_s - clock.offset_s) / (1.0 + clock.drift) - fit.reference_s
+    assert fit.is_found
+    assert abs(fit.offset_s - true_s) < 0.002

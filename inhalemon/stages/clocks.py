@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,6 +38,7 @@ class _Rates:
 _OFFSET, _DRIFT, _SCALE = 0, 1, 2
 _BIAS_BODY, _BIAS_LEVER, _AXIS_BODY, _AXIS_LEVER = slice(3, 6), slice(6, 9), slice(9, 11), slice(11, 13)
 _N_UNKNOWNS = 13
+_LEAST_SHARE = 1e-9  # left unexplained: clocks that agree perfectly are no better than that
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +46,7 @@ class _Fitted:
     unknowns: FloatArray  # (13,)
     fit: ClockFit
     share_left: float  # of the lever's variance, not explained by the body's motion
+    cost: float  # minus twice the logarithm of the likelihood, with what is known before of drift, scales and biases
     agreed: float  # of the motion in a typical second, how much is within the sensors' tolerance
 
 
@@ -150,7 +153,7 @@ def _fit(body: _Rates, lever: _Rates, settings: ClockSettings, *, lever_moves: b
     for offset_s in _coarse_offsets(body.time_s, body_speed, lever.time_s, lever_speed, middle_s, half_s, settings):
         start = np.zeros(_N_UNKNOWNS)
         start[_OFFSET] = offset_s
-        beat = found.share_left if found is not None else np.inf
+        beat = found.cost if found is not None else np.inf
         candidate = refined(start, middle_s - offset_s, half_s, beat=beat)
         if candidate is not None:
             found = candidate
@@ -227,7 +230,7 @@ def _refine(
 ) -> _Fitted | None:
     """Gauss-Newton from `start` on the chosen samples of the lever.
 
-    `None` when there are too few, or when no less than the share `beat` of the motion is left unexplained.
+    `None` when there are too few, no motion, or when the fit costs no less than `beat`.
     """
     time_s, gyr_lever = lever.time_s[chosen], lever.gyr_rad_s.take(chosen, axis=1)
     since = time_s - reference_s
@@ -269,10 +272,13 @@ def _refine(
     variance = np.average((there - np.average(there, weights=weight)) ** 2, weights=weight)
     left = np.average(residual**2, weights=weight)
     share_left = float(left / variance)
-    if not share_left < beat:  # nor when there is no motion to explain
+    block = np.floor(time_s - time_s[0]).astype(np.int64)
+    # The residuals of one second are alike, so each counts once.
+    likelihood = np.unique(block).size * math.log(max(share_left, _LEAST_SHARE))
+    cost = float(likelihood + unknowns[free] @ prior @ unknowns[free])
+    if not cost < beat:  # nor when there is no motion to explain
         return None
     inverse = np.linalg.inv(normal)
-    block = np.floor(time_s - time_s[0]).astype(np.int64)
     scores = np.array([np.bincount(block, row * residual) for row in weighted])
     covariance = inverse @ (scores @ scores.T + prior) @ inverse
     sd_offset, sd_drift = np.sqrt(np.diag(covariance))[:2]
@@ -288,7 +294,7 @@ def _refine(
         sd_drift=float(sd_drift),
         is_found=bool(is_close and sd_offset <= settings.max_sd_offset_s and agreed >= settings.min_agreed),
     )
-    return _Fitted(unknowns, fit, share_left, agreed)
+    return _Fitted(unknowns, fit, share_left, cost, agreed)
 
 
 def _typical(block: IntArray, motion: FloatArray, is_agreed: BoolArray) -> float:
