@@ -65,14 +65,14 @@ def find_stays(
         gain_rad, low, signal = max(rises, key=lambda rise: rise[0])
         tilted_at = onset(signal, low, hold.start)
         is_tilted = settings.min_tilt_back_rad <= gain_rad <= settings.max_tilt_back_rad
-        # What turns while it is carried turns on the way: a glance at the counter.
-        is_tilted = is_tilted and not (path.has_place and _speed(motion, tilted_at) > settings.carried_m_s)
+        is_pressed_here = _is_pressed(motion, presses, low, hold.end)
+        # What turns while it is carried turns on the way: a glance at the counter, unless it is pressed.
+        is_carried = path.has_place and _speed(motion, tilted_at) > settings.carried_m_s
+        is_tilted = is_tilted and (is_pressed_here or not is_carried)
         lift_m = hold.height_m - float(quantile(path.height_m[barrier : low + 1], 0.5))
         # Out of a hold near the mouth it may have risen less, if it is pressed there.
         has_paused = k > 0 and not holds[k - 1].on_table and holds[k - 1].end > barrier
-        least_m = (
-            settings.raised_m if has_paused and _is_pressed(motion, presses, low, hold.end) else settings.min_lift_m
-        )
+        least_m = settings.raised_m if has_paused and is_pressed_here else settings.min_lift_m
         is_lifted = lasts_s >= settings.min_untilted_stay_s and lift_m > least_m
         if not (is_tilted or is_lifted):
             continue
