@@ -71,11 +71,10 @@ async def _principal_of_header(service: Service, header: str, address: str) -> P
     scheme, _, key = header.partition(" ")
     if scheme.lower() != "bearer" or not key:
         raise NotLoggedInError
-    service.limits.bad_keys.take(address, tokens=0)
     try:
         found = await run_in_threadpool(auth.principal_of_key, service.store, service.secret, key.strip())
     except NotLoggedInError:
-        service.limits.bad_keys.take(address)
+        service.limits.bad_keys.take(address)  # wrong keys alone are charged: a good one behind the same address works
         raise
     service.limits.keys.take(found.id)
     return found

@@ -11,7 +11,7 @@ from starlette.concurrency import run_in_threadpool
 
 from api import erasing, webhooks
 from api.moments import DAY_US, now_us
-from api.problems import ProblemError
+from api.problems import ProblemError, ScoringFailedError
 from api.scoring import Scorer
 from api.service import Service
 from api.store import chores, people, sessions
@@ -22,15 +22,19 @@ _PAUSE_S = 1.0
 _TIDY_EVERY_S = 3600.0
 _AT_ONCE = 16
 ACTOR = "service"
+_ENDED_EACH_TIME = ScoringFailedError(
+    "The service ended each time it worked on this session; its recording is kept. Have it scored again by hand."
+)
 
 
 def resume(service: Service) -> None:
     """After a start: what was stored and not scored is due, what was to be erased goes, and no request is under way."""
     with service.store.write() as connection:
         chores.release_unfinished(connection)
-        waiting = sessions.all_due(connection)
-    if waiting:
-        log.info("unscored sessions found", count=waiting)
+        waiting = sessions.all_due(connection, service.settings.score_attempts)
+        given_up = sessions.give_up(connection, service.settings.score_attempts, _ENDED_EACH_TIME.body())
+    if waiting or given_up:
+        log.info("unscored sessions found", count=waiting, given_up=given_up)
     erasing.finish(service)
 
 

@@ -177,6 +177,7 @@ def store(
     Known bytes that are not scored yet, or could not be, take the new metadata; of a scored session other metadata are
     refused. Raises `DiskFullError`, `KnownBytesError`.
     """
+    is_tried_now = first_try_s is None
     if first_try_s is None:
         first_try_s = 2 * service.settings.score_deadline_s
     sha256 = one.incoming.sha256
@@ -197,6 +198,7 @@ def store(
                 sidecar=metadata.sidecar,
                 recorded_at_us=metadata.recorded_at_us,
                 uploaded_by=actor,
+                attempts=int(is_tried_now),
                 first_try_s=first_try_s,
             )
             differing = () if is_new else _differing(session, metadata)

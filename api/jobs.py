@@ -67,12 +67,13 @@ class Pool:
         *,
         max_waiting: int,
         deadline_s: float,
+        memory_bytes: int,
         command: Sequence[str] = (sys.executable, "-m", "api.worker"),
     ) -> None:
         self.size = size
         self.deadline_s = deadline_s
         self._max_waiting = max_waiting
-        self._command = tuple(command)
+        self._command = (*command, str(memory_bytes))
         self._queue: asyncio.PriorityQueue[_Job] = asyncio.PriorityQueue()
         self._numbers = itertools.count()
         self._keepers: list[asyncio.Task[None]] = []

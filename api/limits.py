@@ -27,8 +27,8 @@ class RateLimit:
         self._buckets: dict[str, _Bucket] = {}
         self._lock = threading.Lock()
 
-    def take(self, name: str, tokens: float = 1.0) -> None:
-        """Use up a token. Raises `TooManyRequestsError` when none is left; `tokens=0` only asks."""
+    def take(self, name: str) -> None:
+        """Use up a token. Raises `TooManyRequestsError` when none is left."""
         now = time.monotonic()
         with self._lock:
             if len(self._buckets) > _MANY:
@@ -38,7 +38,13 @@ class RateLimit:
             bucket.at_s = now
             if bucket.tokens < 1.0:
                 raise TooManyRequestsError(self._told, (1.0 - bucket.tokens) * self._per_token_s)
-            bucket.tokens -= tokens
+            bucket.tokens -= 1.0
+
+    def give_back(self, name: str) -> None:
+        """Return a token that was not used up after all."""
+        with self._lock:
+            if name in self._buckets:
+                self._buckets[name].tokens += 1.0  # never more than there were: `take` sees to it
 
     def forgive(self, name: str) -> None:
         """Start afresh for a name, as after a successful login."""

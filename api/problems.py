@@ -149,6 +149,13 @@ class BusyError(ProblemError):
         super().__init__(detail, headers={"Retry-After": str(max(1, round(retry_after_s)))}, **extra)
 
 
+class CrowdedError(ProblemError):
+    status, kind, title = 503, "crowded", "Too many ask at once"
+
+    def __init__(self, detail: str, retry_after_s: float) -> None:
+        super().__init__(detail, headers={"Retry-After": str(max(1, round(retry_after_s)))})
+
+
 class NotReadyError(ProblemError):
     status, kind, title = 503, "not-ready", "The service cannot work at present"
 

@@ -94,6 +94,8 @@ class Scorer:
     async def _score(self, session: Session, actor: str, *, in_background: bool, device: str | None) -> Scored:
         started_s = time.perf_counter()
         outcome = "failed"
+        if in_background:  # whoever stores a session counts the first try with it
+            session = await run_in_threadpool(self._begin, session)
         try:
             answer = await ask_worker(self._service, "score", session, in_background=in_background)
             kept = await run_in_threadpool(self._keep, session, answer, actor, device)
@@ -150,13 +152,18 @@ class Scorer:
             announce(connection, session, "session.scored", grade=kept.grade, points=kept.points, version=kept.version)
         return session, kept
 
+    def _begin(self, session: Session) -> Session:
+        with self._service.store.write() as connection:
+            attempts = sessions.begin_try(connection, session.id, 2 * self._service.settings.score_deadline_s)
+        return replace(session, attempts=attempts)
+
     def _put_off(self, session: Session) -> None:
         with self._service.store.write() as connection:
-            sessions.put_off(connection, session.id, 0.0)
+            sessions.put_off(connection, session.id, attempts=max(session.attempts - 1, 0))
 
     def _note(self, session: Session, problem: ProblemError) -> None:
         is_final = isinstance(problem, UnusableRecordingError)
-        tries = session.attempts + 1
+        tries = max(session.attempts, 1)
         is_last = is_final or tries >= self._service.settings.score_attempts
         pause_s = _BACKOFF_S[min(tries, len(_BACKOFF_S)) - 1]
         with self._service.store.write() as connection:

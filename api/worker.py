@@ -8,6 +8,7 @@ from __future__ import annotations
 import functools
 import io
 import os
+import resource
 import signal
 import sys
 import traceback
@@ -32,8 +33,9 @@ Order = Mapping[str, object]
 Told = tuple[dict[str, object], bytes]
 
 
-def main() -> None:
-    """Serve until the input ends."""
+def main(memory_bytes: int) -> None:
+    """Serve until the input ends, within this much address space: what does not fit is refused and harms nobody."""
+    resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the server's to handle
     # What a library prints must not land among the answers.
     answers = os.fdopen(os.dup(1), "wb")
@@ -61,7 +63,10 @@ def answer(order: Order) -> Told:
     except RecordingError as error:
         names = ("code", "line", "column", "found", "wanted")
         return {"refusal": {"sentence": str(error)} | {name: getattr(error, name) for name in names}}, b""
-    except (InhalemonError, ArithmeticError, ValueError, LookupError, TypeError, MemoryError, OSError) as error:
+    except MemoryError:
+        told = "The recording needs more memory than one worker may take; record at a lower rate, or in shorter pieces."
+        return {"refusal": {"sentence": told, "code": "too_much_memory"}}, b""
+    except (InhalemonError, ArithmeticError, ValueError, LookupError, TypeError, OSError) as error:
         # The place and the kind, not the message: a message may quote what is known of a patient.
         where = [f"{each.filename}:{each.lineno}" for each in traceback.extract_tb(error.__traceback__)[-3:]]
         return {"failure": f"{type(error).__name__} at {' < '.join(reversed(where))}"}, b""
@@ -141,4 +146,4 @@ def _rules(profile_or_path: str) -> RuleSet:
 
 
 if __name__ == "__main__":
-    main()
+    main(int(sys.argv[1]))

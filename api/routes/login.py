@@ -19,7 +19,7 @@ from api import auth
 from api.access import COOKIE, Anybody, ServiceDep, principal_of_login
 from api.moments import SECOND_US, now_us
 from api.principal import Principal
-from api.problems import CsrfError, InvalidError, ProblemError, TooManyRequestsError
+from api.problems import CrowdedError, CsrfError, InvalidError, ProblemError, TooManyRequestsError
 from api.rendering import render
 from api.service import Service
 from api.store import people
@@ -85,16 +85,18 @@ async def log_in(
     address = request.client.host if request.client else "unknown"
     tried = f"{name.strip().lower()}@{address}"
     try:
+        service.limits.addresses.take(address)
         service.limits.logins.take(tried)
-    except TooManyRequestsError as error:
-        answer = _login_form(request, service, next, told=error.detail, status=429)
+        user = await service.hashing.run(lambda: auth.check_password(service.store, name.strip(), password))
+    except (TooManyRequestsError, CrowdedError) as error:
+        answer = _login_form(request, service, next, told=error.detail, status=error.status)
         answer.headers.update(error.headers)
         return answer
-    user = await run_in_threadpool(auth.check_password, service.store, name.strip(), password)
     if user is None:
         await run_in_threadpool(_note_failure, service, name.strip())
         return _login_form(request, service, next, told="Name or password is wrong.", status=401)
     service.limits.logins.forgive(tried)
+    service.limits.addresses.give_back(address)
     answer = RedirectResponse("/password" if user.must_change_password else local_path(next), status_code=303)
     await run_in_threadpool(open_login, request, service, user, answer, "password")
     return answer
@@ -161,12 +163,12 @@ async def change_password(
         raise CsrfError("Only people have passwords.")
     try:
         service.limits.logins.take(f"password:{who.id}")
-        user = await run_in_threadpool(auth.check_password, service.store, who.name, old)
+        user = await service.hashing.run(lambda: auth.check_password(service.store, who.name, old))
         if user is None:
             raise InvalidError("The old password is wrong.")
         if old == new:
             raise InvalidError("The new password is the old one; choose another.")
-        password_hash = await run_in_threadpool(auth.hash_password, new)
+        password_hash = await service.hashing.run(lambda: auth.hash_password(new))
     except ProblemError as problem:
         return _password_form(request, who, told=problem.detail, status=problem.status)
     answer = RedirectResponse("/", status_code=303)

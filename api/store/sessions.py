@@ -132,6 +132,7 @@ def add(
     sidecar: bytes | None,
     recorded_at_us: int | None,
     uploaded_by: str,
+    attempts: int,
     first_try_s: float,
 ) -> tuple[Session, bool]:
     """The stored session, and whether it is new: the same bytes at the same clinic are the same session.
@@ -157,7 +158,7 @@ def add(
             "uploaded_at_us": now,
             "uploaded_by": uploaded_by,
             "state": State.UNSCORED,
-            "attempts": 0,
+            "attempts": attempts,
             "next_try_us": now + round(first_try_s * SECOND_US),
             "merit": _UNKNOWN_MERIT,
             "n_reviews": 0,
@@ -290,9 +291,8 @@ def _keep_findings(
 def note_failure(
     connection: Connection, session_id: str, failure: dict[str, object], *, next_try_us: int | None, is_final: bool
 ) -> None:
-    """Remember why scoring failed; a session that was scored before keeps its report and state."""
+    """Remember why the try failed; a session that was scored before keeps its report and state."""
     values: dict[str, Any] = {
-        "attempts": sessions.c.attempts + 1,
         "next_try_us": next_try_us,
         "failure": orjson.dumps(failure),
     }
@@ -307,16 +307,31 @@ def due(connection: Connection, limit: int) -> list[Session]:
     return [Session(**row) for row in rows]
 
 
-def put_off(connection: Connection, session_id: str, seconds: float) -> None:
-    """Let nobody else try this session for a while."""
+def begin_try(connection: Connection, session_id: str, seconds: float) -> int:
+    """Count a try before it is made, as it may take the service with it; the next is due in `seconds`. How many now."""
+    statement = update(sessions).where(sessions.c.id == session_id).returning(sessions.c.attempts)
+    changes = {"attempts": sessions.c.attempts + 1, "next_try_us": now_us() + round(seconds * SECOND_US)}
+    return connection.scalar(statement.values(changes)) or 0
+
+
+def put_off(connection: Connection, session_id: str, *, attempts: int) -> None:
+    """Make a session due that nobody could try: after so many tries, without this one."""
     statement = update(sessions).where(sessions.c.id == session_id, sessions.c.state == State.UNSCORED)
-    connection.execute(statement.values(next_try_us=now_us() + round(seconds * SECOND_US)))
+    connection.execute(statement.values(next_try_us=now_us(), attempts=attempts))
 
 
-def all_due(connection: Connection) -> int:
-    """Make every unscored session due now, after a start; returns how many there are."""
-    statement = update(sessions).where(sessions.c.state == State.UNSCORED)
-    return connection.execute(statement.values(next_try_us=now_us(), attempts=0)).rowcount
+def all_due(connection: Connection, max_attempts: int) -> int:
+    """Make every unscored session due now, after a start, unless its tries are used up; returns how many there are."""
+    statement = update(sessions).where(sessions.c.state == State.UNSCORED, sessions.c.attempts < max_attempts)
+    return connection.execute(statement.values(next_try_us=now_us())).rowcount
+
+
+def give_up(connection: Connection, max_attempts: int, failure: dict[str, object]) -> int:
+    """Try no more what used up its tries without an answer: each ended with the service. Returns how many there are."""
+    statement = update(sessions).where(
+        sessions.c.state == State.UNSCORED, sessions.c.attempts >= max_attempts, sessions.c.next_try_us.is_not(None)
+    )
+    return connection.execute(statement.values(next_try_us=None, failure=orjson.dumps(failure))).rowcount
 
 
 def report(connection: Connection, session_id: str, version: int | None = None) -> StoredReport | None:

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
+import threading
+import time
+from collections import Counter
 
 import pytest
+from running import serving, settings_for
 
 from api import auth, operations
 from api.principal import SCOPES, Role, Scope
@@ -277,6 +282,55 @@ def test_too_many_wrong_passwords_are_slowed_down(server, person):
         last = _log_in(client, person, "correct horse battery")
     assert last.status_code == 429
     assert int(last.headers["retry-after"]) >= 1
+
+
+def test_a_crowd_of_logins_holds_up_nobody_else(tmp_path):
+    """80 at once, each under another name: most are told to come again, and the service goes on answering."""
+    settings = settings_for(tmp_path / "data", None, workers=0)
+    with serving(settings) as server, contextlib.closing(server.clinic()) as clinic:
+        operations.add_user(server.service, "kimura", Role.CLINICIAN, [clinic.slug], "correct horse battery")
+        answers = []
+
+        def log_in(n):
+            with server.client() as client:
+                answers.append(_log_in(client, f"nobody{n}", "wrong password"))
+
+        with server.client() as client:
+            token = _token(client.get("/login"))
+            threads = [threading.Thread(target=log_in, args=(n,)) for n in range(80)]
+            for each in threads:
+                each.start()
+            slowest_s = 0.0
+            while any(each.is_alive() for each in threads):
+                started_s = time.monotonic()
+                assert clinic.client("clinician").get("/v1/sessions").status_code == 200
+                slowest_s = max(slowest_s, time.monotonic() - started_s)
+            for each in threads:
+                each.join()
+            statuses = Counter(each.status_code for each in answers)
+            assert set(statuses) == {401, 503}, statuses
+            assert all(int(each.headers["retry-after"]) >= 1 for each in answers if each.status_code == 503)
+            assert slowest_s < 2.0
+            data = {"name": "kimura", "password": "correct horse battery", "csrf_token": token}
+            assert client.post("/login", data=data).status_code == 303
+
+
+def test_an_address_that_tries_many_names_is_slowed_down(tmp_path):
+    with serving(settings_for(tmp_path / "data", None, workers=0, login_attempts=1)) as server:
+        with server.client() as client:
+            statuses = [_log_in(client, f"nobody{n}", "wrong password").status_code for n in range(11)]
+        assert statuses == [401] * 10 + [429]
+
+
+def test_wrong_keys_do_not_shut_out_the_good_one_beside_them(tmp_path):
+    with (
+        serving(settings_for(tmp_path / "data", None, workers=0)) as server,
+        contextlib.closing(server.clinic()) as clinic,
+    ):
+        with server.client("inh_000000000000_wrong") as client:
+            statuses = [client.get("/v1/me").status_code for _ in range(31)]
+        assert statuses == [401] * 30 + [429]
+        assert clinic.client("clinician").get("/v1/me").status_code == 200
 
 
 def test_a_login_leads_only_to_pages_here(server, person):

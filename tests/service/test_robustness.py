@@ -21,6 +21,7 @@ from running import serving, settings_for
 from api import operations
 from api.principal import Role
 from api.serving import BoundedHttp
+from api.store import sessions
 
 CSV = {"content-type": "text/csv"}
 
@@ -85,6 +86,7 @@ def test_a_job_past_its_deadline_is_ended(tmp_path, database, recording):
 def test_when_no_worker_starts_bytes_are_kept_and_nobody_waits_for_ever(tmp_path, database, recording):
     with own_server(tmp_path, database, score_deadline_s=2.0) as (server, clinic):
         pool = server.service.pool
+        command = pool._command
         pool._command = (sys.executable, "-c", "raise SystemExit(3)")
         for worker in pool.pids:
             os.kill(worker, signal.SIGKILL)
@@ -94,8 +96,42 @@ def test_when_no_worker_starts_bytes_are_kept_and_nobody_waits_for_ever(tmp_path
         assert int(answer.headers["retry-after"]) >= 1
         assert client.get(f"/v1/sessions/{answer.json()['session']}").json()["state"] == "unscored"
         assert client.get("/version").status_code == 503
-        pool._command = (sys.executable, "-m", "api.worker")
+        pool._command = command
         wait_until(lambda: client.get(f"/v1/sessions/{answer.json()['session']}").json()["state"] == "scored")
+
+
+def _an_hour():
+    """Two sensors at 100 Hz, at rest."""
+    rows = [f"{n / 100:.2f},0,0,9.81,0,0,0" for n in range(359_000)]
+    head = "sensor,time_s,acc_x_m_s2,acc_y_m_s2,acc_z_m_s2,gyr_x_rad_s,gyr_y_rad_s,gyr_z_rad_s"
+    return "\n".join([head, *(f"{name},{row}" for name in ("body", "lever") for row in rows)]).encode()
+
+
+def test_a_recording_that_needs_too_much_memory_is_refused_and_the_next_one_scored(tmp_path, database, recording):
+    with own_server(tmp_path, database, worker_memory_bytes=512 * 2**20) as (_, clinic):
+        client = clinic.client("clinician")
+        answer = send(client, _an_hour())
+        assert answer.status_code == 422, answer.text
+        assert (answer.json()["code"], "memory" in answer.json()["detail"]) == ("too_much_memory", True)
+        assert client.get("/v1/sessions").json()["items"] == []
+        assert send(client, recording(seed=89)).status_code == 201
+
+
+def test_a_session_that_ends_the_service_each_time_is_not_tried_for_ever(tmp_path, database, recording):
+    url = database()
+    with serving(settings_for(tmp_path / "data", url, workers=0)) as server:
+        key = operations.add_key(server.service, "north", Role.CLINICIAN).key
+        with server.client(key) as client:
+            session = send(client, recording(seed=80)).json()["session"]
+        for _ in range(2):  # as a server that is killed in the middle leaves it
+            with server.service.store.write() as connection:
+                sessions.begin_try(connection, session, 60.0)
+    settings = settings_for(tmp_path / "data", url, workers=1, score_attempts=2)
+    with serving(settings) as server, server.client(key) as client:
+        time.sleep(2.5)  # two rounds of the background
+        kept = client.get(f"/v1/sessions/{session}").json()
+        assert (kept["state"], "ended each time" in kept["problem"]["detail"]) == ("unscored", True)
+        assert client.post(f"/v1/sessions/{session}/reports").status_code == 201
 
 
 def test_headers_without_end_are_cut_off(server):
