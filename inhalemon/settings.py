@@ -307,6 +307,7 @@ class PhaseSettings(Checked):
     max_aside_rad: float = math.radians(30.0)  # a face turns no farther between two visits to the mouth
     away_m: float = 0.10  # farther from the mouth than this, the device has left it, and than what the head carries it
     mouth_sway_m: float = 0.06
+    waiting_m: float = 0.04  # how far the device sways and seems to drift while it waits for the tilt-back
     head_arm_m: float = 0.2  # from neck to mouth
     max_breath_s: float = 1.5
     fall_m: float = 0.03  # the hand sinks at least so much as the breath is let out

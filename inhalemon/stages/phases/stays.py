@@ -78,7 +78,10 @@ def find_stays(
             continue
         carried_in = _farthest(path, slice(barrier, low + 1), hold)
         near_m = max(settings.away_m, settings.mouth_sway_m + settings.head_arm_m * gain_rad)
-        first, last = _visit(path, holds, k, barrier, min(near_m, 0.5 * carried_in), near_m)
+        # It waits where the tilt-back begins, not as far off as the head then carries it.
+        waits_at = path.place_m[tilted_at].tolist() if is_tilted else hold.place_m
+        waits_m = settings.waiting_m if is_tilted else min(near_m, 0.5 * carried_in)
+        first, last = _visit(path, holds, k, barrier, (waits_at, waits_m), (hold.place_m, near_m))
         gone = holds[last].end
         carried_out = _farthest(path, slice(gone, gone + round(settings.leaving_s * rate)), hold)
         is_lowered = lift_m < -settings.lowered_m
@@ -129,22 +132,29 @@ def _is_pressed(motion: Motion, presses: Sequence[Event], begin: int, end: int) 
     return any(begin_s - 1.0 < press.start_s < end_s for press in presses)
 
 
-def _visit(path: Path, holds: Sequence[Hold], k: int, barrier: int, before_m: float, after_m: float) -> tuple[int, int]:
-    """The first and the last of the holds around `k` that are at the same mouth, no farther than the distances given.
+def _visit(
+    path: Path,
+    holds: Sequence[Hold],
+    k: int,
+    barrier: int,
+    before: tuple[Sequence[float], float],
+    after: tuple[Sequence[float], float],
+) -> tuple[int, int]:
+    """The first and the last of the holds around `k` at the same mouth: no farther from the places than is given, m.
 
     The device waits there before the tilt-back, and may stay there when it is undone. By the turn alone, the hold
     before is taken for the one, and none for the other.
     """
 
-    def is_here(other: Hold, near_m: float) -> bool:
-        return not other.on_table and math.dist(other.place_m, holds[k].place_m) <= near_m
+    def is_near(other: Hold, place_m: Sequence[float], near_m: float) -> bool:
+        return not other.on_table and math.dist(other.place_m, place_m) <= near_m
 
     first = last = k
     if not path.has_place:
         return (k - 1 if k and not holds[k - 1].on_table else k), k
-    while first and holds[first - 1].end > barrier and is_here(holds[first - 1], before_m):
+    while first and holds[first - 1].end > barrier and is_near(holds[first - 1], *before):
         first -= 1
-    while last + 1 < len(holds) and is_here(holds[last + 1], after_m):
+    while last + 1 < len(holds) and is_near(holds[last + 1], *after):
         last += 1
     return first, last
 
