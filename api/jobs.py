@@ -159,6 +159,9 @@ class Pool:
             job = await self._queue.get()
             if job.answer.done():
                 continue
+            if child.stdin is None or child.stdin.is_closing():  # it died while it had nothing to do
+                self._queue.put_nowait(job)
+                return
             job.begun.set()
             try:
                 answer = await asyncio.wait_for(_ask(child, job.task), self.deadline_s)

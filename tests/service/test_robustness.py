@@ -69,6 +69,18 @@ def test_a_crashed_worker_costs_one_answer_and_no_data(tmp_path, database, recor
         assert client.get(f"/v1/sessions/{session}/recording").content == recording(seed=81)
 
 
+def test_a_worker_that_dies_idle_is_replaced_and_costs_nothing(tmp_path, database, recording):
+    """As the kernel may end it for want of memory."""
+    with own_server(tmp_path, database) as (server, clinic):
+        client = clinic.client("clinician")
+        assert client.get("/version").status_code == 200
+        (worker,) = server.service.pool.pids
+        os.kill(worker, signal.SIGKILL)
+        time.sleep(0.5)
+        assert send(client, recording(seed=83)).status_code == 201
+        assert server.service.pool.pids != [worker]
+
+
 @pytest.mark.slow
 def test_a_job_past_its_deadline_is_ended(tmp_path, database, recording):
     with own_server(tmp_path, database, score_deadline_s=2.0) as (server, clinic):
