@@ -142,7 +142,7 @@ class Pool:
 
     async def _spawn(self) -> asyncio.subprocess.Process:
         # One thread each: as many workers as cores are the parallelism, and results stay the same to the bit.
-        environment = os.environ | dict.fromkeys(_THREADS, "1")
+        environment = os.environ | dict.fromkeys(_THREADS, "1") | {"ARROW_DEFAULT_MEMORY_POOL": "system"}
         child = await asyncio.create_subprocess_exec(
             *self._command,
             stdin=asyncio.subprocess.PIPE,

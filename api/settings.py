@@ -50,7 +50,7 @@ class ServiceSettings(BaseSettings):
     max_waiting: int = Field(32, ge=0, description="sessions that may wait for a worker before uploads get 503")
     score_deadline_s: float = Field(30.0, gt=0, description="longest work on one session")
     worker_memory_bytes: int = Field(
-        2048 * _MIB, ge=512 * _MIB, description="address space of one worker; a recording that needs more is refused"
+        2048 * _MIB, ge=256 * _MIB, description="memory of one worker; a recording that needs more is refused"
     )
     score_attempts: int = Field(5, ge=1, description="tries before a session is left to a person")
     scoring_settings: Path | None = Field(None, description="a TOML file with the pipeline's settings")

@@ -34,8 +34,8 @@ Told = tuple[dict[str, object], bytes]
 
 
 def main(memory_bytes: int) -> None:
-    """Serve until the input ends, within this much address space: what does not fit is refused and harms nobody."""
-    resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
+    """Serve until the input ends, within this much memory of its own: what does not fit is refused and harms nobody."""
+    resource.setrlimit(resource.RLIMIT_DATA, (memory_bytes, memory_bytes))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the server's to handle
     # What a library prints must not land among the answers.
     answers = os.fdopen(os.dup(1), "wb")

@@ -120,7 +120,7 @@ def _an_hour():
 
 
 def test_a_recording_that_needs_too_much_memory_is_refused_and_the_next_one_scored(tmp_path, database, recording):
-    with own_server(tmp_path, database, worker_memory_bytes=512 * 2**20) as (_, clinic):
+    with own_server(tmp_path, database, worker_memory_bytes=256 * 2**20) as (_, clinic):
         client = clinic.client("clinician")
         answer = send(client, _an_hour())
         assert answer.status_code == 422, answer.text
