@@ -51,6 +51,16 @@ def test_a_dose_ends_when_the_next_is_prepared_after_an_inhalation(inhaled_s, be
     assert split_doses(phases(*inhaled_s), (), [opening(at) for at in begins_s], ELLIPTA) == expected
 
 
+@pytest.mark.parametrize(("pressed_s", "edges_s"), [(11.0, (0.0, 33.0, 60.0)), (20.0, (0.0, 60.0)), (2.0, (0.0, 60.0))])
+def test_a_press_at_the_mouth_stands_for_an_inhalation_that_does_not_show(pressed_s, edges_s):
+    """Of who never tilts; not a press elsewhere, nor one before anything was shaken."""
+    stays = tuple(Phase(PhaseKind.TO_MOUTH, at_s, at_s + 4.0) for at_s in (1.0, 9.0, 39.0))
+    session = (*stays, Phase(PhaseKind.HANDLING, 43.0, 60.0))
+    session = (Phase(PhaseKind.HANDLING, 0.0, 1.0), *session)
+    press = Event(EventKind.PRESS, pressed_s, pressed_s + 0.2, pressed_s + 1.0, 15.0)
+    assert split_doses(session, [shake(6.0), shake(33.0)], [press], PMDI) == tuple(itertools.pairwise(edges_s))
+
+
 def test_a_cover_that_shuts_begins_no_dose():
     shut = Event(EventKind.CLOSE, 30.0, 31.0, 31.0, 0.0)
     assert split_doses(phases(10.0, 40.0), (), (opening(3.0), shut), ELLIPTA) == ((0.0, 60.0),)
