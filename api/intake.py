@@ -12,7 +12,7 @@ from api import erasing
 from api.moments import new_id, recorded
 from api.principal import Principal
 from api.problems import InvalidError, KnownBytesError, NotFoundError, UnusableRecordingError
-from api.pseudonym import checked, checked_session_id
+from api.pseudonym import checked
 from api.scoring import Scorer
 from api.service import Service
 from api.settings import ServiceSettings
@@ -86,13 +86,7 @@ def _parsed(text: bytes) -> dict[str, object]:
 
 
 def _metadata(fields: Mapping[str, object], settings: ServiceSettings) -> Metadata:
-    if unknown := sorted(fields.keys() - _KNOWN):  # where a name would hide; what is not known is not kept
-        raise InvalidError(
-            f"metadata has fields that are not known here; leave out all but {', '.join(sorted(_KNOWN))}.",
-            column="metadata",
-            code="unknown_metadata",
-            unknown=[each[:40] for each in unknown[:10]],
-        )
+    fields = {name: value for name, value in fields.items() if name in _KNOWN}  # names could hide in others
     values = {name: _text(fields, name) for name in _SHORT}
     if values["device"] is not None and values["device"] not in tuple(DeviceKind):
         raise InvalidError(
@@ -101,8 +95,6 @@ def _metadata(fields: Mapping[str, object], settings: ServiceSettings) -> Metada
     recorded_at_us = _moment(values["recorded_at"])
     if values["patient_ref"] is not None:
         values["patient_ref"] = checked(values["patient_ref"], settings)
-    if values["session_id"] is not None:
-        values["session_id"] = checked_session_id(values["session_id"], settings, recorded_at_us)
     given = dict(fields) | {name: value for name, value in values.items() if value is not None}
     return Metadata(
         sidecar=orjson.dumps(given) if given else None,
@@ -129,7 +121,7 @@ def _moment(text: str | None) -> int | None:
         return recorded(text)
     except (ValueError, OverflowError) as error:
         raise InvalidError(
-            f"recorded_at is {text!r}; expected ISO 8601 from 1990 to now, such as 2026-11-20T08:30:00+09:00.",
+            f"recorded_at is {text!r}; expected ISO 8601 from 1990 to 2100, such as 2026-11-20T08:30:00+09:00.",
             column="recorded_at",
         ) from error
 

@@ -22,7 +22,7 @@ from api.problems import (
     ScoringFailedError,
     UnusableRecordingError,
 )
-from api.pseudonym import checked, checked_session_id
+from api.pseudonym import checked
 from api.service import Service
 from api.settings import ServiceSettings
 from api.store import Connection, chores, reviews, sessions
@@ -52,11 +52,11 @@ def _told_within(found: Mapping[str, object], session: Session, settings: Servic
         recorded_at_us = None if recorded_at is None else recorded(recorded_at)
     except ValueError as error:
         raise UnusableRecordingError(
-            f"recorded_at is {recorded_at!r}; expected a time from 1990 to now.", column="recorded_at"
+            f"recorded_at is {recorded_at!r}; expected a time from 1990 to 2100.", column="recorded_at"
         ) from error
     try:
         return _Told(
-            None if session_ref is None else checked_session_id(session_ref, settings, recorded_at_us),
+            session_ref,
             None if patient_ref is None else checked(patient_ref, settings),
             recorded_at_us,
         )

@@ -62,10 +62,7 @@ class ServiceSettings(BaseSettings):
     upload_stall_s: float = Field(15.0, gt=0, description="longest silence within an upload")
     upload_deadline_s: float = Field(600.0, gt=0, description="longest upload")
     min_free_bytes: int = Field(64 * _MIB, ge=0, description="free space below which uploads get 507")
-    allow_names: bool = Field(False, description="accept a patient_ref or session_id that looks like a name or a date")
-    code_words: Annotated[tuple[str, ...], NoDecode] = Field(
-        (), description="words, separated by commas, that a pseudonym may hold, such as a study's name"
-    )
+    allow_names: bool = Field(False, description="accept a patient_ref that looks like a name or a birth date")
 
     # people and programs
     session_hours: float = Field(12.0, gt=0, description="how long a login lasts")
@@ -84,7 +81,7 @@ class ServiceSettings(BaseSettings):
         (), description="host names, separated by commas, that webhooks may be sent to"
     )
 
-    @field_validator("webhook_hosts", "code_words", mode="before")
+    @field_validator("webhook_hosts", mode="before")
     @classmethod
     def _split(cls, given: object) -> object:
         if isinstance(given, str):

@@ -54,7 +54,7 @@ class Site:
         answer = httpx.post(
             f"{self.url}/v1/sessions",
             content=path.read_bytes(),
-            params={"device": "pmdi", "file_name": path.name, **metadata},
+            params={"device": "pmdi", "file_name": path.name, "session_id": path.stem, **metadata},
             headers=headers,
             timeout=60.0,
         )

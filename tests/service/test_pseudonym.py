@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import random
+import string
+
 import pytest
 
-from api.moments import DAY_US, now_us, to_iso
 from api.problems import InvalidError
-from api.pseudonym import checked, checked_session_id
+from api.pseudonym import checked
 from api.settings import load
 
 
@@ -14,18 +16,14 @@ def each(text):
     return text.split()
 
 
-NAMES = each("smith-john Tanaka smith42 TANAKA1 JohnSmith1 hanako1970 42smith P-smith-7 SATO1 joe-lee-42")
-DATES = each("1980-05-12 1980_5_12 P-19800512 12.05.1980 850312 S600312 12.03.85 85.3.12 85-03-12 S60.3.12 H5.3.1")
-NUMBERS = each(
-    "850312-1234 131052-308T 8503121234 19850312-1234 110101198503121234 123-45-6789 1234-5678-9012 123.456.789-09 "
-    "AB123456C RSSMRA85M01H501Z"
-)
+NAMES = each("smith-john Tanaka smith42 hanako1970 SMITH joe-lee-42")
+DATES = each("1980-05-12 1980_5_12 P-19800512 12.05.1980 12.03.85 S60.3.12 H05.3.1")
+NUMBERS = each("850312-1234 131052-308T 110101198503121234 123-45-6789 123.456.789-09")
 PSEUDONYMS = each(
     "P-0042 KX7-113 patient-7 demo AB12 0815 p-0042 P_0042 C-2026-017 NHS-0001 LEE-4 ABCD-17 COPD-12 site12-sub007 "
-    "101-002-0042 1-2-34 S1-2-34 12345678 P-000123 A-100245 K7Q2M9 abc1def2 deadbeef42 3f9a1c77b2e84d10 "
-    "01ARZ3NDEKTSV4RRFFQ69G5FAV V1StGXR8_Z5jdHi6B-myT 8f14e45f-ceea-467f-a8ad-0242ac120002 simulated-01"
+    "101-002-0042 1-2-34 S1-2-34 12345678 P-000123 A-100245 850312 K7Q2M9 abc1def2 deadbeef42 3f9a1c77b2e84d10 "
+    "TOKYO-12 01ARZ3NDEKTSV4RRFFQ69G5FAV V1StGXR8_Z5jdHi6B-myT 8f14e45f-ceea-467f-a8ad-0242ac120002 simulated-01"
 )
-SESSIONS = each("pmdi_press_late ellipta_short_breath_not_closed pmdi-00001 visit-12-a session_12 morning Visit:2")
 
 
 @pytest.mark.parametrize("ref", [*NAMES, "John Smith", "Smith, J", "山田太郎", "田中-1", *DATES, *NUMBERS])
@@ -47,21 +45,18 @@ def test_no_counter_with_its_zeros_is_held_up():
             assert checked(ref, load()) == ref
 
 
-@pytest.mark.parametrize("ref", SESSIONS)
-def test_a_recordings_own_name_is_accepted(ref):
-    assert checked_session_id(ref, load(), None) == ref
+@pytest.mark.parametrize("alphabet", [string.ascii_uppercase + string.digits, string.ascii_letters + string.digits])
+def test_hardly_a_random_code_is_held_up(alphabet):
+    """Of codes of eight characters with a digit: a word with digits stuck to it comes about by chance, once in 100."""
+    rng = random.Random(1)
+    codes = ["".join(rng.choices(alphabet, k=8)) for _ in range(5000)]
+    held_up = sum(_is_held_up(code) for code in codes if any(character.isdigit() for character in code))
+    assert held_up < 50
 
 
-def test_a_recordings_own_name_may_hold_its_day_and_no_other():
-    recorded_at_us = now_us() - 400 * DAY_US
-    day = to_iso(recorded_at_us)[:10]
-    assert checked_session_id(f"{day}-am", load(), recorded_at_us) == f"{day}-am"
-    with pytest.raises(InvalidError):
-        checked_session_id(f"{day}-am", load(), None)
-
-
-def test_a_studys_own_words_can_be_allowed(monkeypatch):
-    with pytest.raises(InvalidError):
-        checked("TOKYO-12", load())
-    monkeypatch.setenv("INHALEMON_CODE_WORDS", "tokyo, osaka")
-    assert checked("TOKYO-12", load()) == "TOKYO-12"
+def _is_held_up(ref):
+    try:
+        checked(ref, load())
+    except InvalidError:
+        return True
+    return False

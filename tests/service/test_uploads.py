@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import pytest
 from running import serving, settings_for
+from sqlalchemy import text
 
 import inhalemon as im
 from api import operations
-from api.moments import DAY_US, now_us, to_iso
 from api.principal import Role
 from api.store import chores, people
 from inhalemon.recording import write_recording
@@ -178,17 +178,16 @@ def test_what_is_no_recording_is_refused(clinic, headers, content, status):
     assert answer.headers["content-type"] == "application/problem+json"
 
 
-@pytest.mark.parametrize("field", ["patient_ref", "session_id"])
 @pytest.mark.parametrize("ref", ["John Smith", "山田太郎", "Tanaka Hanako 1970-01-01", "smith42"])
-def test_what_tells_who_it_is_is_refused_and_not_repeated(clinic, recording, field, ref):
-    answer = send(clinic, recording(seed=11), **{field: ref})
+def test_what_tells_who_it_is_is_refused_and_not_repeated(clinic, recording, ref):
+    answer = send(clinic, recording(seed=11), patient_ref=ref)
     assert answer.status_code == 422
-    assert (answer.json()["code"], answer.json()["column"]) == (f"{field}_not_pseudonymous", field)
+    assert (answer.json()["code"], answer.json()["column"]) == ("patient_ref_not_pseudonymous", "patient_ref")
     assert ref not in answer.text
     assert clinic.client("clinician").get("/v1/sessions").json()["items"] == []
 
 
-def test_metadata_that_is_not_known_is_refused_and_not_kept(clinic, recording):
+def test_metadata_that_is_not_known_is_not_kept(clinic, recording):
     metadata = {"device": "pmdi", "patient_name": "Tanaka Hanako", "birth_date": "1970-01-01"}
     answer = clinic.client("uploader").post(
         "/v1/sessions",
@@ -197,10 +196,16 @@ def test_metadata_that_is_not_known_is_refused_and_not_kept(clinic, recording):
             "metadata": (None, json.dumps(metadata), "application/json"),
         },
     )
-    assert (answer.status_code, answer.json()["code"]) == (422, "unknown_metadata")
-    assert answer.json()["unknown"] == ["birth_date", "patient_name"]
-    assert "Hanako" not in answer.text
-    assert clinic.client("clinician").get("/v1/sessions").json()["items"] == []
+    assert answer.status_code == 201
+    with clinic.server.service.store.read() as connection:
+        query = text("SELECT sidecar FROM sessions WHERE id = :id").bindparams(id=answer.json()["id"])
+        sidecar = connection.execute(query).scalar_one()
+    assert json.loads(sidecar) == {"device": "pmdi"}
+
+
+@pytest.mark.parametrize("session_id", ["morning", "2025-11-20 08:30 (1)", "tokyo-late-press"])
+def test_a_recordings_own_name_is_taken_as_it_is(clinic, recording, session_id):
+    assert send(clinic, recording(seed=11), session_id=session_id).status_code == 201
 
 
 @pytest.mark.parametrize("ref", ["P/0042", "..", ".", "a\\b"])
@@ -215,7 +220,7 @@ def test_a_patient_ref_that_breaks_an_address_is_refused(clinic, recording, ref)
         "0001-01-01T00:00:00+14:00",
         "2999-01-01T00:00:00Z",
         "1989-12-31T23:59:59Z",
-        pytest.param(to_iso(now_us() + 2 * DAY_US), id="in two days"),
+        "2100-01-01T00:00:00Z",
         "20",
     ],
 )
@@ -226,13 +231,14 @@ def test_a_time_at_which_nothing_was_recorded_is_refused_and_nothing_kept(clinic
     assert (listed.status_code, listed.json()["items"]) == (200, [])
 
 
-def test_a_clock_a_little_ahead_is_believed(clinic, recording):
-    assert send(clinic, recording(seed=13), recorded_at=to_iso(now_us() + DAY_US // 2)).status_code == 201
+def test_a_clock_that_is_ahead_is_believed(clinic, recording):
+    """Whose clock is wrong, the device's or the server's, nobody here knows."""
+    assert send(clinic, recording(seed=13), recorded_at="2099-12-31T12:00:00Z").status_code == 201
 
 
 @pytest.mark.parametrize(
     "odd",
-    [{"recorded_at": "2999-01-01T00:00:00+00:00"}, {"session_id": "Tanaka Hanako"}, {"patient_ref": "John Smith"}],
+    [{"recorded_at": "2999-01-01T00:00:00+00:00"}, {"patient_ref": "John Smith"}],
 )
 def test_what_the_file_itself_tells_is_checked_as_well_and_the_file_not_kept(clinic, tmp_path, odd):
     recording, _ = im.simulate_session("pmdi", seed=1, rate_hz=50.0)
