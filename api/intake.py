@@ -11,7 +11,7 @@ from starlette.concurrency import run_in_threadpool
 from api import erasing
 from api.moments import new_id, recorded
 from api.principal import Principal
-from api.problems import InvalidError, KnownBytesError, NotFoundError, UnusableRecordingError
+from api.problems import InvalidError, NotFoundError, UnusableRecordingError
 from api.pseudonym import checked
 from api.scoring import Scorer
 from api.service import Service
@@ -44,6 +44,7 @@ class Taken:
     session: Session
     report: StoredReport
     is_new: bool
+    differing: Sequence[str] = ()  # what was said of known bytes otherwise than the session has it; nothing was changed
 
 
 # ------------------------------------------------------------------------------------------ metadata
@@ -134,14 +135,14 @@ async def take(
 ) -> Taken:
     """Store one recording and score it. Bytes that this clinic already has are not stored or scored again.
 
-    Raises `DiskFullError`, `UnusableRecordingError` (nothing is kept), `BusyError`, `ScoringFailedError` (it is kept),
-    `KnownBytesError`.
+    Raises `DiskFullError`, `UnusableRecordingError` (nothing is kept), `BusyError`, `ScoringFailedError` (it is kept).
     """
     session, is_new = await run_in_threadpool(store, service, who.actor, clinic_id, one, metadata)
     service.metrics.uploads.labels("new" if is_new else "known").inc()
     service.metrics.upload_bytes.inc(one.incoming.size)
     if session.state == State.SCORED:
-        return Taken(session, await run_in_threadpool(_newest, service, session), is_new=False)
+        report = await run_in_threadpool(_newest, service, session)
+        return Taken(session, report, is_new=False, differing=() if is_new else _differing(session, metadata))
     try:
         session, report = await scorer.score(session, who.actor)
     except UnusableRecordingError as refusal:
@@ -166,8 +167,8 @@ def store(
     """The stored session, durable, and whether it is new. Whoever stores it scores it; the background does after
     `first_try_s`, by default when that must have come to nothing.
 
-    Known bytes that are not scored yet, or could not be, take the new metadata; of a scored session other metadata are
-    refused. Raises `DiskFullError`, `KnownBytesError`.
+    Known bytes that are not scored yet, or could not be, take the new metadata; a scored session keeps its own. Raises
+    `DiskFullError`.
     """
     is_tried_now = first_try_s is None
     if first_try_s is None:
@@ -193,10 +194,7 @@ def store(
                 attempts=int(is_tried_now),
                 first_try_s=first_try_s,
             )
-            differing = () if is_new else _differing(session, metadata)
-            if differing and session.state == State.SCORED:
-                raise KnownBytesError(session.id, differing)
-            if differing:
+            if not is_new and session.state != State.SCORED and _differing(session, metadata):
                 session = _described(connection, session, metadata, first_try_s)
             action = "session.uploaded" if is_new else "session.uploaded_again"
             service.audit.record(connection, clinic_id, actor, action, session.id, n_bytes=session.n_bytes)

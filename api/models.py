@@ -93,6 +93,7 @@ class UploadItem(Out):
     location: str | None = None
     session: SessionDetail | None = None
     problem: Problem | None = None
+    differing: list[str] = Field(default_factory=list, description="as the header Inhalemon-Differing")
 
 
 class UploadItems(Out):

@@ -73,18 +73,6 @@ class ConflictError(ProblemError):
     status, kind, title = 409, "conflict", "That does not fit the present state"
 
 
-class KnownBytesError(ConflictError):
-    kind, title = "known-bytes", "This recording is here already, described otherwise"
-
-    def __init__(self, session_id: str, differing: Sequence[str]) -> None:
-        super().__init__(
-            f"Session {session_id} holds these bytes with another {', '.join(differing)}. Nothing was changed:"
-            " correct the session, or send the recording without what differs.",
-            session=session_id,
-            differing=list(differing),
-        )
-
-
 class AmbiguousPatientError(ConflictError):
     """A pseudonym means somebody else at each clinic."""
 

@@ -19,6 +19,7 @@ _SAID_BY_THE_SCRIPT: Final = {
     "scoring": "scoring",
     "done": "done",
     "known": "was here already",
+    "differing": "described otherwise, and not changed",
     "kept": "kept; it will be scored later",
     "failed": "not accepted",
     "offline": "The connection broke.",

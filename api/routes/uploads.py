@@ -66,7 +66,16 @@ _BODY: dict[str, Any] = {
     openapi_extra=_BODY,
     responses={
         **problems(404, 408, 409, 413, 415, 500, 503, 507),
-        200: {"model": SessionDetail, "description": "This clinic already had these bytes"},
+        200: {
+            "model": SessionDetail,
+            "description": "This clinic already had these bytes",
+            "headers": {
+                "Inhalemon-Differing": {
+                    "schema": {"type": "string"},
+                    "description": "what was said of them otherwise than the session has it; nothing was changed",
+                }
+            },
+        },
         201: {"model": SessionDetail, "description": "Stored and scored"},
         207: {"model": UploadItems, "description": "Several files: one answer each"},
     },
@@ -98,11 +107,16 @@ def _answer(request: Request, upload: Upload, outcomes: Sequence[intake.Taken | 
         (outcome,) = outcomes
         if isinstance(outcome, BaseException):
             raise outcome
-        return Json(_detail(outcome), status_code=_status(outcome), headers={"location": _location(outcome)})
+        headers = {"location": _location(outcome)}
+        if outcome.differing:
+            headers["inhalemon-differing"] = ", ".join(outcome.differing)
+        return Json(_detail(outcome), status_code=_status(outcome), headers=headers)
     items = []
     for one, outcome in zip(upload.recordings, outcomes, strict=True):
         if isinstance(outcome, intake.Taken):
             told: dict[str, object] = {"location": _location(outcome), "session": _detail(outcome)}
+            if outcome.differing:
+                told["differing"] = list(outcome.differing)
             items.append({"file": one.file_name, "status": _status(outcome), **told})
         elif isinstance(outcome, ProblemError):
             items.append({"file": one.file_name, "status": outcome.status, "problem": outcome.body()})

@@ -264,7 +264,7 @@ def test_what_the_file_itself_tells_is_checked_as_well_and_the_file_not_kept(cli
         ({"session_id": "S-2"}, ["session_id"]),
     ],
 )
-def test_known_bytes_with_other_metadata_are_refused_and_nothing_changes(clinic, recording, other, named):
+def test_known_bytes_with_other_metadata_are_told_so_and_nothing_changes(clinic, recording, other, named):
     """Dropped in silence, a wrong patient or device would never come to light."""
     given = {"device": "pmdi", "patient_ref": "P-1", "recorded_at": "2026-11-20T08:30:00Z"}
     client, headers = clinic.client("uploader"), {"content-type": "text/csv"}
@@ -274,14 +274,13 @@ def test_known_bytes_with_other_metadata_are_refused_and_nothing_changes(clinic,
 
     first = upload(given)
     assert first.status_code == 201
-    refused = upload(given | other)
-    assert refused.status_code == 409
-    assert refused.json()["session"] == first.json()["id"]
-    assert refused.json()["differing"] == named
+    again = upload(given | other)
+    assert (again.status_code, again.json()) == (200, first.json())
+    assert again.headers["inhalemon-differing"].split(", ") == named
     kept = clinic.client("clinician").get(first.headers["location"]).json()
     assert {name: kept[name] for name in ("device", "patient_ref")} == {"device": "pmdi", "patient_ref": "P-1"}
     for same in (given, {"device": "pmdi"}, {}):
-        assert upload(same).status_code == 200, "what is left out is not contradicted"
+        assert "inhalemon-differing" not in upload(same).headers, "what is left out is not contradicted"
 
 
 def test_a_recording_kept_without_its_device_is_scored_once_the_device_comes(tmp_path, database, recording):

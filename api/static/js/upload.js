@@ -105,7 +105,9 @@
     let told = {};
     try { told = JSON.parse(request.responseText); } catch { /* not from the service */ }
     if (request.status === 200 || request.status === 201) {
-      show(job, request.status === 200 ? "known" : "done", words.grades[told.grade] || "");
+      const differing = request.getResponseHeader("Inhalemon-Differing");
+      const text = [words.grades[told.grade], differing && `${words.differing}: ${differing}`].filter(Boolean).join(" – ");
+      show(job, request.status === 200 ? "known" : "done", text);
       openLink(job, told.id);
       return;
     }
