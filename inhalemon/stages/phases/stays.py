@@ -80,7 +80,7 @@ def find_stays(
         near_m = max(settings.away_m, settings.mouth_sway_m + settings.head_arm_m * gain_rad)
         # It waits where the tilt-back begins, not as far off as the head then carries it.
         waits_at = path.place_m[tilted_at].tolist() if is_tilted else hold.place_m
-        waits_m = settings.waiting_m if is_tilted else min(near_m, 0.5 * carried_in)
+        waits_m = min(settings.waiting_m if is_tilted else near_m, 0.5 * carried_in)
         first, last = _visit(path, holds, k, barrier, (waits_at, waits_m), (hold.place_m, near_m))
         gone = holds[last].end
         carried_out = _farthest(path, slice(gone, gone + round(settings.leaving_s * rate)), hold)
