@@ -40,7 +40,7 @@ from inhalemon.values import (
 )
 
 # Raised whenever a score of the same recording can move.
-PIPELINE_VERSION = "2"
+PIPELINE_VERSION = "3"
 
 
 @functools.cache

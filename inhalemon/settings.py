@@ -374,7 +374,7 @@ class MeasureSettings(Checked):
     sd_breath_unseen_s: float = 0.2  # where only the next movement ends it
     max_removal_s: float = 1.4  # of the device from the mouth, in one movement
     sd_shake_s: float = 0.06
-    sd_inverted_s: float = 0.015
+    sd_inverted_s: float = 0.0145
     sd_cover_stop_s: float = 0.02
     sd_press_angle_deg: float = 0.3
     sd_cover_angle_deg: float = 1.25
