@@ -98,6 +98,13 @@ def about_z(angle_rad: FloatArray) -> FloatArray:
     return from_components(np.cos(half), zero, zero, np.sin(half))
 
 
+def heading_of_y(q: FloatArray) -> FloatArray:
+    """The heading (n,) of the frame's y in the room: 0 along the room's x, a quarter turn along its y."""
+    w, x, y, z = components(q)
+    heading: FloatArray = np.arctan2(0.5 - x * x - z * z, x * y - w * z)
+    return heading
+
+
 def turned_about_z(angle_rad: FloatArray, q: FloatArray) -> FloatArray:
     """`multiply(about_z(angle_rad), q)`, without the zeros."""
     cosine, sine = np.cos(np.asarray(angle_rad) / 2), np.sin(np.asarray(angle_rad) / 2)

@@ -304,7 +304,7 @@ class PhaseSettings(Checked):
     min_untilted_stay_s: float = 0.7
     fidget: float = 0.7  # clear movements: less ends neither a pause nor a held breath
     min_lift_share: Share = 0.5  # of the lift to the inhalation
-    max_aside_rad: float = math.radians(30.0)  # a face turns no farther between two visits to the mouth
+    max_aside_rad: float = math.radians(45.0)  # a face, and the heading that drifts, turn no farther between two visits
     away_m: float = 0.10  # farther from the mouth than this, the device has left it, and than what the head carries it
     mouth_sway_m: float = 0.06
     waiting_m: float = 0.04  # how far the device sways and seems to drift while it waits for the tilt-back

@@ -104,3 +104,11 @@ def test_interpolation_goes_a_share_of_the_shorter_way(p, turn, share, sign):
 def test_turning_about_the_vertical_is_a_product(q, angle_rad):
     turned = rotation.multiply(rotation.about_z(angle_rad), q)
     np.testing.assert_allclose(rotation.turned_about_z(angle_rad, q), turned, atol=1e-15)
+
+
+@given(quaternions)
+def test_heading_is_that_of_the_turned_y(q):
+    x, y, _ = scipy_of(q).apply([0.0, 1.0, 0.0])
+    along = np.hypot(x, y)
+    found = rotation.heading_of_y(q[None])[0]
+    np.testing.assert_allclose(along * np.array([np.cos(found), np.sin(found)]), [x, y], atol=1e-9)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import solveh_banded
 
-from inhalemon.rotation import normalise, rotate, tilt_from_upright, up_in
+from inhalemon.rotation import heading_of_y, normalise, rotate, tilt_from_upright, up_in
 from inhalemon.settings import MotionSettings
 from inhalemon.signals import at_times, moving_mean, squares
 from inhalemon.values import STANDARD_GRAVITY_M_S2, AttitudeTrack, BoolArray, FloatArray, LeverTrack, Motion, Recording
@@ -49,13 +49,12 @@ def describe_motion(
     activity = _activity(acc_ref, gyr, rate_hz, settings)
     velocity, offset = _velocity(acc_ref, activity, is_gap, rate_hz, settings)
     up = up_in(q)
-    away = rotate(q, np.array([0.0, 1.0, 0.0]))
     return Motion(
         time_s=time_s,
         rate_hz=rate_hz,
         tilt_rad=tilt_from_upright(q),
         elevation_rad=np.arcsin(np.clip(up[:, 1], -1.0, 1.0)),
-        heading_rad=np.arctan2(away[:, 1], away[:, 0]),
+        heading_rad=heading_of_y(q),
         sd_tilt_rad=at_times(attitude.time_s, attitude.sd_tilt_rad, time_s),
         gyr_rad_s=gyr,
         force_m_s2=force,

@@ -228,8 +228,10 @@ def _angle(lever: LeverTrack, settings: QualitySettings) -> Iterator[_Doubt]:
 
 def _backwards(lever: LeverTrack, settings: QualitySettings) -> Iterator[_Doubt]:
     """A shut lever (cover) goes to one side only; an angle that goes to the other one alone has the wrong sign."""
-    n_block = max(1, round(settings.stroke_block_s / float(quantile(np.diff(lever.time_s), 0.5))))
-    n_blocks = lever.time_s.size // n_block
+    n = lever.time_s.size
+    length_s = float(lever.time_s[-1] - lever.time_s[0])
+    n_block = max(1, round(settings.stroke_block_s * (n - 1) / max(length_s, settings.stroke_block_s)))
+    n_blocks = n // n_block
     if n_blocks < _BLOCKS_A_STROKE:
         return
     angle, surely = (
